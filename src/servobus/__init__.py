@@ -1,0 +1,3 @@
+"""Drive smart serial-bus servos, and be them."""
+
+__version__ = "0.1.0"

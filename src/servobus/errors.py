@@ -1,0 +1,82 @@
+"""Everything that can go wrong, as one tree.
+
+    ServobusError
+    ├── UsageError (ValueError)       what was asked makes no sense; nothing was sent
+    │   ├── UnknownName (KeyError)    no such register, model, family or servo
+    │   └── BadValue                  a value that the register or the move cannot take
+    ├── PortError (OSError)           the port cannot be opened, is in use, or went away
+    └── BusError                      an exchange failed
+        ├── NoReply (TimeoutError)    silence
+        ├── Garbled                   bytes came, but no packet: wrong baud, noise, two servos at once
+        │   └── BadChecksum           a packet of the right shape that the checksum refuses
+        ├── WrongReply                a good packet that does not answer what was asked
+        ├── Refused                   the servo understood and said no
+        ├── TorqueOff                 a move was asked of a servo without torque
+        └── MoveTimeout               the servo did not arrive in time
+
+An alarm (overheating, low voltage ...) is not in this tree: it is data, and stands beside the values.
+"""
+
+
+class ServobusError(Exception):
+    """Base of all errors that servobus raises on purpose."""
+
+
+class UsageError(ServobusError, ValueError):
+    """What was asked makes no sense. Nothing was sent."""
+
+
+class UnknownName(UsageError, KeyError):
+    """No register, model, family or servo has this name or number."""
+
+    def __str__(self) -> str:
+        # KeyError would print the repr of the message.
+        return str(self.args[0]) if self.args else ""
+
+
+class BadValue(UsageError):
+    """A value that a register or a move cannot take."""
+
+
+class PortError(ServobusError, OSError):
+    """The port cannot be opened, is in use, or went away."""
+
+
+class BusError(ServobusError):
+    """An exchange on the bus failed. `heard` holds the bytes that came instead of the reply."""
+
+    def __init__(self, message: str, heard: bytes = b"") -> None:
+        super().__init__(message)
+        self.heard = heard
+
+
+class NoReply(BusError, TimeoutError):
+    """Silence where a reply was due."""
+
+
+class Garbled(BusError):
+    """Bytes came, but they are no packet."""
+
+
+class BadChecksum(Garbled):
+    """A packet of the right shape came, but its checksum is wrong."""
+
+
+class WrongReply(BusError):
+    """A good packet came, but from another servo or to another question."""
+
+
+class Refused(BusError):
+    """The servo understood the request and refused it. `flags` are its error bits."""
+
+    def __init__(self, message: str, flags: int = 0) -> None:
+        super().__init__(message)
+        self.flags = flags
+
+
+class TorqueOff(BusError):
+    """A move was asked of a servo whose torque is off."""
+
+
+class MoveTimeout(BusError, TimeoutError):
+    """A servo did not arrive at its goal in time."""

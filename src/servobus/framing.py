@@ -1,0 +1,184 @@
+"""Finding packets in a stream of bytes, whatever stands between them.
+
+A `Framing` knows the shape of one protocol's packets; the `Decoder` uses it to cut any stream, in any
+chunks, into events. Three things can be in a stream:
+
+    Packet    a packet whose length and checksum are right
+    Corrupt   bytes of the right shape whose checksum is wrong
+    Noise     everything else
+
+A length byte is never trusted: after a Corrupt the search goes on one byte later, so a packet that hides
+behind a false header is still found. Each byte is looked at no more often than the longest packet is
+long, and no more than one longest packet is ever kept: linear time, bounded memory.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """One packet without its framing. `code` is the command, instruction or error byte."""
+
+    id: int
+    code: int
+    data: bytes = b""
+    end: int = field(default=0, compare=False)
+    """Position in the stream just behind the last byte: with the bit time this dates the packet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Corrupt:
+    """A packet-shaped run of bytes that fails its checksum; `packet` is what it would have said."""
+
+    packet: Packet
+    raw: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Bytes that are no packet."""
+
+    raw: bytes
+
+
+Event: TypeAlias = Packet | Corrupt | Noise
+
+INCOMPLETE = 0
+NOT_A_FRAME = -1
+
+
+class Framing(ABC):
+    """The shape of one protocol's packets. Stateless."""
+
+    header: bytes
+    """The two equal bytes every packet starts with."""
+    overhead: int
+    """Bytes of a frame that are not data: header, id, length, code and checksum."""
+    max_size: int
+    """Size of the longest packet in bytes, header included."""
+
+    @abstractmethod
+    def size(self, buffer: bytes | bytearray, at: int) -> int:
+        """Tell the size of the frame whose header is at `at`, INCOMPLETE or NOT_A_FRAME."""
+
+    @abstractmethod
+    def frame(self, packet: Packet) -> bytes:
+        """Put a packet into its frame. Raises ValueError if it does not fit."""
+
+    @abstractmethod
+    def unframe(self, raw: bytes) -> tuple[Packet, bool]:
+        """Take a frame of the right size apart; the flag tells whether its checksum is right."""
+
+    def decode(self, stream: bytes) -> list[Event]:
+        """Cut a whole recording into events."""
+        decoder = Decoder(self)
+        return decoder.feed(stream) + decoder.flush()
+
+
+class Decoder:
+    """Cuts a stream into events, however it is chunked.
+
+    `max_size` narrows what is believed: who waits for an 8-byte reply need not wait for a header that
+    claims 200 bytes.
+    """
+
+    def __init__(self, framing: Framing, max_size: int | None = None) -> None:
+        self._framing = framing
+        self._limit = framing.max_size if max_size is None else min(max_size, framing.max_size)
+        self._buffer = bytearray()
+        self._base = 0
+        """Position in the stream of the first byte in the buffer."""
+        self._told = 0
+        """Position up to which bytes have been handed out in a Corrupt already."""
+        self._noise = bytearray()
+
+    @property
+    def pending(self) -> int:
+        """Bytes kept because they may still become a packet."""
+        return len(self._buffer)
+
+    @property
+    def position(self) -> int:
+        """Bytes fed so far."""
+        return self._base + len(self._buffer)
+
+    def feed(self, chunk: bytes) -> list[Event]:
+        """Take the next bytes in and give what is complete now."""
+        self._buffer += chunk
+        events: list[Event] = []
+        self._scan(events)
+        if not self._buffer:
+            self._end_noise(events)
+        return events
+
+    def flush(self) -> list[Event]:
+        """Say that the line went quiet: what is incomplete will stay so and is searched for packets."""
+        events: list[Event] = []
+        while self._buffer:
+            self._skip(1)
+            self._scan(events)
+        self._end_noise(events)
+        return events
+
+    def drop(self) -> bytes:
+        """Forget what is incomplete, as firmware does after its inter-byte time-out."""
+        dropped = bytes(self._buffer)
+        self._skip(len(dropped))
+        self._noise.clear()
+        return dropped
+
+    def _scan(self, events: list[Event]) -> None:
+        buffer, framing = self._buffer, self._framing
+        at = taken = 0
+        """Index of the candidate header; bytes before `taken` are dealt with."""
+        while True:
+            at = buffer.find(framing.header, at)
+            if at < 0:
+                half = 1 if buffer and buffer[-1] == framing.header[0] else 0
+                at = max(taken, len(buffer) - half)
+                break
+            size = framing.size(buffer, at)
+            if size == INCOMPLETE:
+                break
+            if size == NOT_A_FRAME or size > self._limit:
+                at += 1
+                continue
+            if len(buffer) - at < size:
+                break
+            raw = bytes(buffer[at : at + size])
+            packet, good = framing.unframe(raw)
+            end = self._base + at + size
+            packet = Packet(packet.id, packet.code, packet.data, end)
+            self._note(taken, at)
+            self._end_noise(events)
+            if good:
+                events.append(packet)
+                at += size
+                taken = at
+                self._told = max(self._told, end)
+            else:
+                events.append(Corrupt(packet, raw))
+                self._told = max(self._told, end)
+                taken = at
+                at += 1
+        self._note(taken, at)
+        del buffer[:at]
+        self._base += at
+
+    def _note(self, start: int, stop: int) -> None:
+        """Remember buffer[start:stop] as noise, less what a Corrupt showed already."""
+        start = max(start, self._told - self._base)
+        if start < stop:
+            self._noise += self._buffer[start:stop]
+
+    def _skip(self, count: int) -> None:
+        self._note(0, count)
+        del self._buffer[:count]
+        self._base += count
+
+    def _end_noise(self, events: list[Event]) -> None:
+        if self._noise:
+            events.append(Noise(bytes(self._noise)))
+            self._noise.clear()

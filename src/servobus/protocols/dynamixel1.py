@@ -1,0 +1,494 @@
+"""Dynamixel protocol 1.0: instruction and status packets, and what one can ask with them.
+
+Source: RX-28 user's manual, chapter 3; errata ED-01 to ED-30 of this project's notes in docs/decisions.md.
+
+    FF FF  id  length  instruction  parameters ...  checksum     length = parameters + 2
+    FF FF  id  length  error        parameters ...  checksum     checksum = ~(id + length + ... ) & FF
+
+The two directions have the same frame; only context tells an instruction packet from a status packet.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+from typing import Any, TypeAlias, TypeVar
+
+from servobus.errors import BadValue, NoReply, Refused, UsageError
+from servobus.exchange import Exchange, Procedure, Reply, ask, sent
+from servobus.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
+from servobus.protocols.base import (
+    BROADCAST,
+    Answers,
+    Family,
+    Identity,
+    Leg,
+    Model,
+    Stance,
+    Target,
+    blocks,
+    cannot,
+    check_id,
+    check_output,
+)
+from servobus.registers import Address, Area, Register
+from servobus.units import Divided
+
+T = TypeVar("T")
+
+RX_BUFFER = 143
+"""Longest packet that fits the servo's receive buffer (manual 3-5-7)."""
+CLOCK = 2_000_000
+"""Baud = CLOCK / (code + 1) (manual 3-4-1, Baud Rate)."""
+
+
+class Code(IntEnum):
+    """Instructions (manual 3-2)."""
+
+    PING = 0x01
+    READ_DATA = 0x02
+    WRITE_DATA = 0x03
+    REG_WRITE = 0x04
+    ACTION = 0x05
+    RESET = 0x06
+    SYNC_WRITE = 0x83
+
+
+class Error(IntFlag):
+    """Bits of a status packet's error byte (manual 3-3)."""
+
+    INPUT_VOLTAGE = 0x01
+    ANGLE_LIMIT = 0x02
+    OVERHEATING = 0x04
+    RANGE = 0x08
+    CHECKSUM = 0x10
+    OVERLOAD = 0x20
+    INSTRUCTION = 0x40
+
+
+ALARMS = Error.INPUT_VOLTAGE | Error.OVERHEATING | Error.OVERLOAD
+"""Bits that tell the state of the servo; the others refuse the instruction they answer (ED-25)."""
+
+
+class Dynamixel1Framing(Framing):
+    header = b"\xff\xff"
+    overhead = 6
+    max_size = RX_BUFFER
+
+    def size(self, buffer: bytes | bytearray, at: int) -> int:
+        have = len(buffer) - at
+        # No id is FF, so of three FF the last two are the header.
+        if have > 2 and buffer[at + 2] == 0xFF:
+            return NOT_A_FRAME
+        if have < 4:
+            return INCOMPLETE
+        length = buffer[at + 3]
+        return length + 4 if 2 <= length <= RX_BUFFER - 4 else NOT_A_FRAME
+
+    def frame(self, packet: Packet) -> bytes:
+        size = len(packet.data) + self.overhead
+        if size > self.max_size:
+            raise BadValue(f"a packet of {size} bytes does not fit the servo's buffer of {self.max_size} bytes")
+        body = bytes((packet.id, len(packet.data) + 2, packet.code)) + packet.data
+        return self.header + body + bytes((~sum(body) & 0xFF,))
+
+    def unframe(self, raw: bytes) -> tuple[Packet, bool]:
+        return Packet(raw[2], raw[4], raw[5:-1]), sum(raw[2:]) & 0xFF == 0xFF
+
+
+FRAMING = Dynamixel1Framing()
+
+
+# Instruction packets as values, both ways
+
+
+@dataclass(frozen=True, slots=True)
+class Ping:
+    id: int
+
+
+@dataclass(frozen=True, slots=True)
+class ReadData:
+    id: int
+    address: int
+    length: int
+
+
+@dataclass(frozen=True, slots=True)
+class WriteData:
+    id: int
+    address: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class RegWrite:
+    id: int
+    address: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    id: int
+
+
+@dataclass(frozen=True, slots=True)
+class Reset:
+    id: int
+
+
+@dataclass(frozen=True, slots=True)
+class SyncWrite:
+    """Each listed servo writes its own data at the common address; `data` keeps the order of the packet."""
+
+    address: int
+    length: int
+    data: tuple[tuple[int, bytes], ...]
+    id: int = BROADCAST
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """A status packet."""
+
+    id: int
+    error: Error
+    data: bytes = b""
+
+
+Instruction: TypeAlias = Ping | ReadData | WriteData | RegWrite | Action | Reset | SyncWrite
+
+_SIMPLE: dict[Code, type[Ping | Action | Reset]] = {Code.PING: Ping, Code.ACTION: Action, Code.RESET: Reset}
+_WRITES: dict[Code, type[WriteData | RegWrite]] = {Code.WRITE_DATA: WriteData, Code.REG_WRITE: RegWrite}
+_CODES: dict[type, Code] = {
+    Ping: Code.PING,
+    ReadData: Code.READ_DATA,
+    WriteData: Code.WRITE_DATA,
+    RegWrite: Code.REG_WRITE,
+    Action: Code.ACTION,
+    Reset: Code.RESET,
+    SyncWrite: Code.SYNC_WRITE,
+}
+
+
+def encode(message: Instruction | Status) -> bytes:
+    """Give the bytes of an instruction or status packet. Raises BadValue if it does not fit a packet."""
+    match message:
+        case Status(id, error, data):
+            return FRAMING.frame(Packet(id, int(error), data))
+        case ReadData(_, address, length):
+            data = bytes((address, length))
+        case WriteData(_, address, written) | RegWrite(_, address, written):
+            data = bytes((address,)) + written
+        case SyncWrite(address, length, parts):
+            if any(len(part) != length for _, part in parts):
+                raise BadValue(f"SYNC_WRITE: every servo must be given {length} bytes")
+            data = bytes((address, length)) + b"".join(bytes((id,)) + part for id, part in parts)
+        case _:
+            data = b""
+    return FRAMING.frame(Packet(message.id, _CODES[type(message)], data))
+
+
+def parse_instruction(packet: Packet) -> Instruction:
+    """Read an instruction packet. Raises ValueError for an undefined instruction or a wrong length."""
+    data = packet.data
+    try:
+        code = Code(packet.code)
+    except ValueError:
+        raise ValueError(f"undefined instruction {packet.code:#04x}") from None
+    if code in _SIMPLE and not data:
+        return _SIMPLE[code](packet.id)
+    if code is Code.READ_DATA and len(data) == 2:
+        return ReadData(packet.id, data[0], data[1])
+    if code in _WRITES and len(data) >= 2:
+        return _WRITES[code](packet.id, data[0], data[1:])
+    if code is Code.SYNC_WRITE and len(data) > 2 and data[1]:
+        step = data[1] + 1
+        if (len(data) - 2) % step == 0:
+            parts = tuple((data[i], data[i + 1 : i + step]) for i in range(2, len(data), step))
+            return SyncWrite(data[0], data[1], parts, packet.id)
+    raise ValueError(f"{code.name} with {len(data)} parameter bytes")
+
+
+def parse_status(packet: Packet) -> Status:
+    """Read a status packet."""
+    return Status(packet.id, Error(packet.code), packet.data)
+
+
+# Native operations
+
+
+def _alarms(packet: Packet) -> int:
+    return packet.code & ALARMS
+
+
+def _refusal(what: str, packet: Packet) -> None:
+    error = Error(packet.code) & ~ALARMS
+    if error:
+        reasons = {
+            Error.RANGE: "a value or address is out of range, or the table is locked",
+            Error.ANGLE_LIMIT: "the goal is outside the servo's angle limits",
+            Error.INSTRUCTION: "it does not know the instruction, or has no registered write",
+            Error.CHECKSUM: "the packet reached it with a wrong checksum",
+        }
+        said = "; ".join(text for flag, text in reasons.items() if flag in error) or f"error {int(error):#04x}"
+        raise Refused(f"{what}: refused, {said}", int(error))
+
+
+def _exchange(what: str, message: Instruction, *, answered: bool, repeatable: bool = True) -> Exchange[None]:
+    def interpret(packet: Packet) -> None:
+        _refusal(what, packet)
+
+    return Exchange(
+        what,
+        FRAMING,
+        encode(message),
+        interpret if answered else sent,
+        Reply(message.id, None, (0,)) if answered else None,
+        _alarms,
+        LONGEST_DELAY,
+        repeatable=repeatable,
+    )
+
+
+LONGEST_DELAY = 254 * 2e-6
+"""Return Delay Time at its highest, s (manual 3-4-1)."""
+
+
+def ping(id: int) -> Exchange[None]:
+    """PING: always answered, except to the broadcast id (3-5-5, ED-19)."""
+    return _exchange(f"PING id {id}", Ping(id), answered=id != BROADCAST)
+
+
+def read_data(id: int, address: int, length: int) -> Exchange[bytes]:
+    """READ_DATA (3-5-1). Raises Refused if the servo has no such bytes."""
+    what = f"READ_DATA id {id}, address {address}, {length} bytes"
+
+    def interpret(packet: Packet) -> bytes:
+        if len(packet.data) != length:
+            _refusal(what, packet)
+            raise Refused(f"{what}: {len(packet.data)} bytes came back", packet.code)
+        return packet.data
+
+    reply = Reply(id, None, (length, 0))
+    return Exchange(
+        what, FRAMING, encode(ReadData(id, address, length)), interpret, reply, _alarms, LONGEST_DELAY, repeatable=True
+    )
+
+
+def write_data(id: int, address: int, data: bytes, *, answered: bool = True) -> Exchange[None]:
+    """WRITE_DATA (3-5-2). `answered` is whether the servo's Status Return Level is 2."""
+    what = f"WRITE_DATA id {id}, address {address}, {data.hex(' ').upper()}"
+    return _exchange(what, WriteData(id, address, data), answered=answered and id != BROADCAST)
+
+
+def reg_write(id: int, address: int, data: bytes, *, answered: bool = True) -> Exchange[None]:
+    """REG_WRITE: keep a write until ACTION (3-5-3)."""
+    what = f"REG_WRITE id {id}, address {address}, {data.hex(' ').upper()}"
+    return _exchange(what, RegWrite(id, address, data), answered=answered and id != BROADCAST)
+
+
+def action(id: int = BROADCAST, *, answered: bool = True) -> Exchange[None]:
+    """ACTION: carry out the kept writes, of all servos by default (3-5-4)."""
+    return _exchange(f"ACTION id {id}", Action(id), answered=answered and id != BROADCAST, repeatable=False)
+
+
+def reset(id: int, *, answered: bool = True) -> Exchange[None]:
+    """RESET the control table to factory values; the id becomes 1 (3-5-6)."""
+    return _exchange(f"RESET id {id}", Reset(id), answered=answered and id != BROADCAST, repeatable=False)
+
+
+def sync_write(address: int, data: Mapping[int, bytes]) -> Exchange[None]:
+    """SYNC_WRITE: every servo its own bytes at one address, in one packet, unanswered (3-5-7).
+
+    Raises BadValue for unequal lengths or more servos than fit 143 bytes.
+    """
+    lengths = {len(part) for part in data.values()}
+    if len(lengths) != 1:
+        raise BadValue("SYNC_WRITE needs at least one servo, and the same number of bytes for each")
+    message = SyncWrite(address, lengths.pop(), tuple((check_id(id), part) for id, part in data.items()))
+    return _exchange(f"SYNC_WRITE ids {', '.join(map(str, data))}", message, answered=False)
+
+
+# The shared verbs
+
+
+def _address(register: Register[Any]) -> int:
+    assert isinstance(register.place, Address)
+    return register.place.address
+
+
+class Dynamixel1(Family):
+    name = "dynamixel"
+    title = "Dynamixel protocol 1.0"
+    framing = FRAMING
+    default_baud = 57_600
+    # Table in manual 3-4-1, plus the codes in use elsewhere in the field; most likely first.
+    bauds = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
+
+    def ping(self, id: int) -> Exchange[None]:
+        return ping(check_id(id))
+
+    def identify(self, id: int) -> Procedure[Identity]:
+        """Read model number, firmware and return level; a servo at level 0 answers PING alone (D-22)."""
+        try:
+            data = yield from ask(read_data(check_id(id), 0, 17))
+        except NoReply:
+            yield from ask(ping(id))
+            return Identity(None, "", Answers.NOTHING)
+        return Identity(int.from_bytes(data[:2], "little"), str(data[2]), Answers(min(data[16], 2)))
+
+    def read(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+        if target.answers is Answers.NOTHING:
+            raise cannot(target, "be read", "its Status Return Level is 0; write status_return_level first")
+        image: dict[int, int] = {}
+        spans = ((_address(register), register.layout.size) for register in registers)
+        for address, size in blocks(spans, gap=12, longest=RX_BUFFER - 6):
+            data = yield from ask(read_data(target.id, address, size))
+            image.update(enumerate(data, address))
+        return [
+            register.layout.unpack(bytes(image[_address(register) + i] for i in range(register.layout.size)))
+            for register in registers
+        ]
+
+    def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
+        for address, data in _adjacent(values):
+            yield from ask(write_data(target.id, address, data, answered=_answers(target)))
+
+    def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
+        for register in values:
+            if register.area is not Area.EEPROM:
+                raise UsageError(f"{register.model} {register.name} lives in RAM and is lost at power-off")
+        yield from self.write(target, values)
+
+    def stance(self, target: Target) -> Procedure[Stance]:
+        names = ("present_position", "torque_enable", "cw_angle_limit", "ccw_angle_limit")
+        rows = [target.model.register(name) for name in names]
+        position, torque, low, high = yield from self.read(target, rows)
+        return Stance(rows[0].decode(position), bool(torque), low, high, turning=low == high == 0)
+
+    def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
+        data = {leg.target.id: _goal_and_speed(leg) for leg in legs}
+        goal = _address(legs[0].target.model.register("goal_position"))
+        if len(legs) == 1:
+            yield from ask(write_data(legs[0].target.id, goal, data[legs[0].target.id], answered=_answers(legs[0].target)))
+            return
+        most = (RX_BUFFER - 8) // 5
+        ids = list(data)
+        for start in range(0, len(ids), most):
+            yield from ask(sync_write(goal, {id: data[id] for id in ids[start : start + most]}))
+
+    def moving(self, target: Target) -> Procedure[bool]:
+        (moving,) = yield from self.read(target, [target.model.register("moving")])
+        return bool(moving)
+
+    def stop(self, target: Target) -> Procedure[None]:
+        model = target.model
+        stance = yield from self.stance(target)
+        if stance.turning:
+            yield from self.write(target, {model.register("moving_speed"): 0})
+            return
+        (position,) = yield from self.read(target, [model.register("present_position")])
+        yield from self.write(target, {model.register("goal_position"): position})
+
+    def torque(self, target: Target, on: bool) -> Procedure[None]:
+        model = target.model
+        if on:
+            stance = yield from self.stance(target)
+            if not stance.torque and not stance.turning:
+                goal = model.register("goal_position")
+                here = min(max(goal.scale.encode(stance.position), stance.low), stance.high)
+                yield from self.write(target, {goal: here})
+        yield from self.write(target, {model.register("torque_enable"): int(on)})
+
+    def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
+        """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""
+        if output is None or speed is not None:
+            raise cannot(target, "turn at a given speed", "endless turn has no speed control (3-4-3); give output=-1..1")
+        model = target.model
+        share = round(abs(check_output(output)) * 1023) | (0x400 if output < 0 else 0)
+        limits = {model.register("cw_angle_limit"): 0, model.register("ccw_angle_limit"): 0}
+        stance = yield from self.stance(target)
+        if not stance.turning:
+            # A speed left over from position mode would spin it as soon as the limits are 0.
+            yield from self._write_raw_speed(target, 1)
+            yield from self.write(target, limits)
+        yield from self._write_raw_speed(target, share)
+
+    def position_mode(self, target: Target, limits: tuple[int, int] | None) -> Procedure[None]:
+        model = target.model
+        stance = yield from self.stance(target)
+        if not stance.turning:
+            return
+        low, high = limits or (0, 1023)
+        yield from self._write_raw_speed(target, 0)
+        yield from self.write(target, {model.register("cw_angle_limit"): low, model.register("ccw_angle_limit"): high})
+
+    def led(self, target: Target, colour: str) -> Procedure[None]:
+        if colour not in ("on", "off", "red"):
+            raise BadValue(f"{target} has one red light: on or off, not {colour!r}")
+        yield from self.write(target, {target.model.register("led"): int(colour != "off")})
+
+    def reboot(self, target: Target) -> Procedure[None]:
+        yield from ()  # a procedure without steps
+        raise cannot(target, "be rebooted", "protocol 1.0 has no such instruction; switch its power off and on")
+
+    def reset(self, target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+        if keep:
+            raise cannot(target, f"keep {', '.join(sorted(keep))}", "RESET restores everything, id and baud included")
+        yield from ask(reset(target.id, answered=_answers(target)))
+        return 1, self.default_baud
+
+    def set_id(self, target: Target, id: int) -> Procedure[None]:
+        yield from self.write(target, {target.model.register("id"): check_id(id)})
+
+    def set_baud(self, target: Target, baud: int) -> Procedure[None]:
+        register = target.model.register("baud")
+        yield from self.write(target, {register: register.encode(baud)})
+
+    def explain(self, packet: Packet, request: Packet | None = None) -> str:
+        """Say what a packet means. A packet that follows a request to the same id is its status packet."""
+        if request is None or request.id != packet.id:
+            try:
+                return str(parse_instruction(packet))
+            except ValueError:
+                pass  # no instruction: read it as a status packet
+        return str(parse_status(packet))
+
+    def _write_raw_speed(self, target: Target, raw: int) -> Procedure[None]:
+        address = _address(target.model.register("moving_speed"))
+        yield from ask(write_data(target.id, address, raw.to_bytes(2, "little"), answered=_answers(target)))
+
+
+BAUD = Divided(CLOCK)
+"""Scale of the Baud Rate register."""
+
+
+def _answers(target: Target) -> bool:
+    return target.answers is Answers.EVERYTHING
+
+
+def _goal_and_speed(leg: Leg) -> bytes:
+    speed = leg.target.model.register("moving_speed")
+    raw = speed.scale.encode(leg.distance / leg.duration)
+    # 0 would mean full speed; above 1023 there is nothing to ask for.
+    return leg.goal.to_bytes(2, "little") + max(1, min(raw, 1023)).to_bytes(2, "little")
+
+
+def _adjacent(values: Mapping[Register[Any], int]) -> list[tuple[int, bytes]]:
+    """Join registers that touch into one write each."""
+    runs: list[tuple[int, bytes]] = []
+    for register in sorted(values, key=_address):
+        address, data = _address(register), register.layout.pack(values[register])
+        if runs and runs[-1][0] + len(runs[-1][1]) == address:
+            runs[-1] = (runs[-1][0], runs[-1][1] + data)
+        else:
+            runs.append((address, data))
+    return runs
+
+
+__all__ = [
+    "BAUD", "Action", "Code", "Dynamixel1", "Error", "Instruction", "Model", "Ping", "ReadData", "RegWrite", "Reset",
+    "Status", "SyncWrite", "WriteData", "action", "encode", "parse_instruction", "parse_status", "ping", "read_data",
+    "reg_write", "reset", "sync_write", "write_data",
+]  # fmt: skip
