@@ -6,7 +6,7 @@ A file `tests/golden/<family>.toml` holds one table per packet:
     name = "eep_read_request"
     section = "6-1 Example 1"           where it is printed; "" where no manual prints it
     source = "..."                      who shows it instead, or how it was made
-    bytes = "FF FF 09 FD 02 EC 12 1E 04"
+    packet = "FF FF 09 FD 02 EC 12 1E 04"
     kind = "EepRead"                    the class of the message in the protocol's module
     fields = { id = 253, address = 30, length = 4 }
     registers = { position_kp = 440 }   raw register values that stand in the message's data
@@ -14,7 +14,7 @@ A file `tests/golden/<family>.toml` holds one table per packet:
     fault = "..."                       what is wrong with it
     earlier = "..."                     the packet as an earlier edition of the manual has it
 
-`bytes` is always a good packet that means what `kind` and `fields` say. `printed` never is one.
+`packet` is always a good packet that means what `kind` and `fields` say. `printed` never is one.
 The expected bytes come from here and from nowhere else.
 """
 
@@ -29,7 +29,7 @@ class Case:
     """One packet."""
 
     name: str
-    bytes: bytes
+    packet: bytes
     kind: str
     fields: dict[str, Any] = field(default_factory=dict)
     section: str = ""
@@ -49,7 +49,7 @@ class Case:
 
 
 def load(name: str) -> list[Case]:
-    """Read `tests/golden/<name>.toml`; `data` fields and packets become bytes."""
+    """Read `tests/golden/<name>.toml`; `packet`, `printed`, `earlier` and a `data` field become bytes."""
     text = Path(__file__).with_name(f"{name}.toml").read_text(encoding="utf-8")
     cases = [_case(row) for row in tomllib.loads(text)["packet"]]
     names = [case.name for case in cases]
@@ -58,7 +58,7 @@ def load(name: str) -> list[Case]:
 
 
 def _case(row: dict[str, Any]) -> Case:
-    for key in ("bytes", "printed", "earlier"):
+    for key in ("packet", "printed", "earlier"):
         if key in row:
             row[key] = bytes.fromhex(row[key])
     fields = row.get("fields", {})
