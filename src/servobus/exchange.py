@@ -46,7 +46,8 @@ class Exchange(Generic[T]):
     """One request and its reply, as a value.
 
     what        for people: "RX-28 id 1: read present_position"
-    interpret   turns the reply's packet into the result; raises Refused. Not called without `reply`.
+    interpret   turns the reply's packet into the result; raises Refused. Where nothing answers it is given an
+                empty packet.
     reply       the shape of the answer; None where the servo stays silent
     alarms      reads the alarm bits that stand beside the data in the packet
     turnaround  longest time in seconds between the request's last bit and the reply's first
@@ -123,7 +124,11 @@ class Collector(Generic[T]):
 
     @property
     def done(self) -> bool:
-        return self.packet is not None
+        """True when there is nothing more to wait for."""
+        if self.exchange.reply is not None:
+            return self.packet is not None
+        # Nothing answers; but an echo must be out of the way before the next request.
+        return self.echo is False or len(self.heard) >= len(self.exchange.request)
 
     def feed(self, chunk: bytes) -> None:
         """Take bytes in; `done` turns true when the reply is among them."""
@@ -152,6 +157,8 @@ class Collector(Generic[T]):
 
     def result(self) -> T:
         """Interpret the reply. Raises Refused, or the BusError that says what went wrong instead."""
+        if self.exchange.reply is None:
+            return self.exchange.interpret(Packet(0, 0))
         if self.packet is None:
             raise self.failure()
         return self.exchange.interpret(self.packet)

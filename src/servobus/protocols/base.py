@@ -170,6 +170,10 @@ class Family(ABC):
     def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Write raw values where they survive power-off."""
 
+    def read_stored(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+        """Read the values that survive power-off, where they can differ from those that act now."""
+        return self.read(target, registers)
+
     # Motion
 
     @abstractmethod

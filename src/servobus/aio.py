@@ -1,0 +1,205 @@
+"""The asynchronous driver: the same jobs, awaited.
+
+    async with servobus.open_async("/dev/ttyUSB0") as bus:
+        for servo in await bus.scan():
+            print(servo)
+        elbow = bus[1]
+        async with elbow.torque():
+            await elbow.move(90 * deg, speed=60 * deg).wait()
+"""
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Mapping
+from contextlib import asynccontextmanager
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+from servobus.driver import Driver
+from servobus.errors import BusError
+from servobus.exchange import Exchange, Job, Pause, Procedure, SetBaud, Step
+from servobus.operation import Awaiting
+from servobus.procedures import Course
+from servobus.protocols.base import Target
+from servobus.servo import Servo
+
+T = TypeVar("T")
+
+
+class AsyncMove:
+    """A move: `await` it to start it, `await ....wait()` to start it and see it arrive."""
+
+    def __init__(self, bus: "AsyncBus", start: Callable[[], Awaitable[list[Course]]]) -> None:
+        self._bus = bus
+        self._start = start
+        self.courses: list[Course] = []
+
+    def __await__(self) -> Generator[Any, None, "AsyncMove"]:
+        return self._started().__await__()
+
+    @property
+    def duration(self) -> float:
+        """Seconds from start to arrival; known once it has started."""
+        return max(course.duration for course in self.courses)
+
+    async def wait(self, timeout: float | None = None) -> None:  # noqa: ASYNC109 - the bus's clock, which may be virtual
+        """Start if need be, and wait until the servos stand still near their goals. Raises MoveTimeout."""
+        await self._started()
+        await self._bus.arrive(self.courses, timeout)
+
+    async def _started(self) -> "AsyncMove":
+        if not self.courses:
+            self.courses = await self._start()
+        return self
+
+
+class AsyncBusServo(Awaiting, Servo):
+    """A servo on an asynchronous bus."""
+
+    def __init__(self, bus: "AsyncBus", target: Target, baud: int, firmware: str) -> None:
+        super().__init__(target, baud, firmware)
+        self._bus = bus
+
+    async def perform(self, job: Job[T]) -> T:
+        return await self._bus.do(job, baud=self.baud)
+
+    def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> AsyncMove:
+        """Move to an angle in rad; nothing happens until the result is awaited.
+
+        `time` in seconds or `speed` in rad/s (90°/s if neither is given). The torque must be on already.
+        Raises BadValue, TorqueOff or UsageError before anything moves.
+        """
+
+        async def start() -> list[Course]:
+            return [await self.start_move(angle, time=time, speed=speed)]
+
+        return AsyncMove(self._bus, start)
+
+    @asynccontextmanager
+    async def torque(self) -> AsyncIterator["AsyncBusServo"]:
+        """Torque on inside the `async with`, off again on the way out."""
+        try:
+            await self.torque_on()
+            yield self
+        finally:
+            await self.torque_off()
+
+
+class AsyncBus(Awaiting, Driver[AsyncBusServo]):
+    """Servos on one port, for asyncio. Opening it asks nothing and moves nothing."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._lock = asyncio.Lock()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the port back. Torque stays as it is."""
+        self.transport.close()
+
+    async def do(self, job: Job[T], *, baud: int | None = None) -> T:
+        """Carry out any job, an exchange or a procedure, at this speed or at the one in use."""
+        async with self._lock:
+            if baud is not None:
+                await self._step(SetBaud(baud))
+            if isinstance(job, Exchange):
+                return await self._exchange(job)
+            return await self._run(job)
+
+    async def perform(self, job: Job[T]) -> T:
+        return await self.do(job)
+
+    def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> AsyncMove:
+        """Move several servos, id -> angle in rad, that start together and arrive together; see `Bus.move`."""
+
+        async def start() -> list[Course]:
+            return await self.start_move(goals, time=time, speed=speed)
+
+        return AsyncMove(self, start)
+
+    @asynccontextmanager
+    async def torque(self, ids: Iterable[int] | None = None) -> AsyncIterator["AsyncBus"]:
+        """Torque on for these servos (all known ones by default), off again on the way out."""
+        servos = self._chosen(ids)
+        try:
+            await self.torque_on(servos)
+            yield self
+        finally:
+            await self.torque_off(servos)
+
+    def _bind(self, target: Target, baud: int, firmware: str) -> AsyncBusServo:
+        return AsyncBusServo(self, target, baud, firmware)
+
+    # Carrying out
+
+    async def _run(self, procedure: Procedure[T]) -> T:
+        try:
+            step = next(procedure)
+            while True:
+                try:
+                    result = await self._step(step)
+                except BusError as error:
+                    step = procedure.throw(error)
+                else:
+                    step = procedure.send(result)
+        except StopIteration as stop:
+            done: T = stop.value
+            return done
+        finally:
+            procedure.close()
+
+    async def _step(self, step: Step) -> Any:
+        if isinstance(step, Exchange):
+            return await self._exchange(step)
+        await self._wait_until_clear()
+        if isinstance(step, SetBaud):
+            self.transport.set_baud(step.baud)
+        elif isinstance(step, Pause):
+            await self._sleep(step.seconds)
+        return None
+
+    async def _exchange(self, exchange: Exchange[T]) -> T:
+        await self._wait_until_clear()
+        collector, deadline = self._send(exchange)
+        while not collector.done and (left := deadline - self.transport.now()) > 0:
+            chunk = await self._read(left)
+            if chunk:
+                collector.feed(chunk)
+        return self._judge(collector)
+
+    async def _wait_until_clear(self) -> None:
+        ahead = self._clear_at - self.transport.now()
+        if ahead > 0:
+            await self._sleep(ahead)
+
+    # Waiting, the asynchronous way
+
+    async def _read(self, timeout: float) -> bytes:  # noqa: ASYNC109 - the transport's clock
+        transport = self.transport
+        if not transport.blocking():
+            return transport.read(timeout)
+        fd = transport.fileno()
+        if fd is None:
+            return await asyncio.to_thread(transport.read, timeout)
+        readable = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        loop.add_reader(fd, readable.set)
+        try:
+            await asyncio.wait_for(readable.wait(), timeout)
+        except TimeoutError:
+            return b""
+        finally:
+            loop.remove_reader(fd)
+        return transport.read(0)
+
+    async def _sleep(self, seconds: float) -> None:
+        if self.transport.blocking():
+            await asyncio.sleep(seconds)
+        else:
+            self.transport.sleep(seconds)

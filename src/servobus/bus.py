@@ -1,0 +1,162 @@
+"""The blocking driver.
+
+    with servobus.open("/dev/ttyUSB0") as bus:
+        for servo in bus.scan():
+            print(servo)
+        elbow = bus[1]
+        with elbow.torque():
+            elbow.move(90 * deg, speed=60 * deg).wait()
+"""
+
+import threading
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+from servobus.driver import Driver
+from servobus.errors import BusError
+from servobus.exchange import Exchange, Job, Pause, Procedure, SetBaud, Step
+from servobus.operation import Blocking
+from servobus.procedures import Course
+from servobus.protocols.base import Target
+from servobus.servo import Servo
+
+T = TypeVar("T")
+
+
+class Move:
+    """A move under way."""
+
+    def __init__(self, bus: "Bus", courses: list[Course]) -> None:
+        self._bus = bus
+        self.courses = courses
+
+    @property
+    def duration(self) -> float:
+        """Seconds from start to arrival."""
+        return max(course.duration for course in self.courses)
+
+    def wait(self, timeout: float | None = None) -> None:
+        """Wait until the servos stand still near their goals. Raises MoveTimeout."""
+        self._bus.arrive(self.courses, timeout)
+
+
+class BusServo(Blocking, Servo):
+    """A servo on a blocking bus."""
+
+    def __init__(self, bus: "Bus", target: Target, baud: int, firmware: str) -> None:
+        super().__init__(target, baud, firmware)
+        self._bus = bus
+
+    def perform(self, job: Job[T]) -> T:
+        return self._bus.do(job, baud=self.baud)
+
+    def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> Move:
+        """Start a move to an angle in rad and give a handle to wait for its end.
+
+        `time` in seconds or `speed` in rad/s (90°/s if neither is given). The torque must be on already.
+        Raises BadValue, TorqueOff or UsageError before anything moves.
+        """
+        return Move(self._bus, [self.start_move(angle, time=time, speed=speed)])
+
+    @contextmanager
+    def torque(self) -> Iterator["BusServo"]:
+        """Torque on inside the `with`, off again on the way out."""
+        try:
+            self.torque_on()
+            yield self
+        finally:
+            self.torque_off()
+
+
+class Bus(Blocking, Driver[BusServo]):
+    """Servos on one port. Opening it asks nothing and moves nothing. May be shared between threads."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._lock = threading.RLock()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the port back. Torque stays as it is."""
+        self.transport.close()
+
+    def do(self, job: Job[T], *, baud: int | None = None) -> T:
+        """Carry out any job, an exchange or a procedure, at this speed or at the one in use."""
+        with self._lock:
+            if baud is not None:
+                self._step(SetBaud(baud))
+            if isinstance(job, Exchange):
+                return self._exchange(job)
+            return self._run(job)
+
+    def perform(self, job: Job[T]) -> T:
+        return self.do(job)
+
+    def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> Move:
+        """Move several servos, id -> angle in rad, that start together and arrive together.
+
+        Everything is checked before anything moves. Raises BadValue, TorqueOff or UsageError.
+        """
+        return Move(self, self.start_move(goals, time=time, speed=speed))
+
+    @contextmanager
+    def torque(self, ids: Iterable[int] | None = None) -> Iterator["Bus"]:
+        """Torque on for these servos (all known ones by default) inside the `with`, off again on the way out."""
+        servos = self._chosen(ids)
+        try:
+            self.torque_on(servos)
+            yield self
+        finally:
+            self.torque_off(servos)
+
+    def _bind(self, target: Target, baud: int, firmware: str) -> BusServo:
+        return BusServo(self, target, baud, firmware)
+
+    # Carrying out
+
+    def _run(self, procedure: Procedure[T]) -> T:
+        try:
+            step = next(procedure)
+            while True:
+                try:
+                    result = self._step(step)
+                except BusError as error:
+                    step = procedure.throw(error)
+                else:
+                    step = procedure.send(result)
+        except StopIteration as stop:
+            done: T = stop.value
+            return done
+        finally:
+            procedure.close()
+
+    def _step(self, step: Step) -> Any:
+        if isinstance(step, Exchange):
+            return self._exchange(step)
+        self._wait_until_clear()
+        if isinstance(step, SetBaud):
+            self.transport.set_baud(step.baud)
+        elif isinstance(step, Pause):
+            self.transport.sleep(step.seconds)
+        return None
+
+    def _exchange(self, exchange: Exchange[T]) -> T:
+        self._wait_until_clear()
+        collector, deadline = self._send(exchange)
+        while not collector.done and (left := deadline - self.transport.now()) > 0:
+            chunk = self.transport.read(left)
+            if chunk:
+                collector.feed(chunk)
+        return self._judge(collector)
+
+    def _wait_until_clear(self) -> None:
+        ahead = self._clear_at - self.transport.now()
+        if ahead > 0:
+            self.transport.sleep(ahead)

@@ -1,0 +1,63 @@
+"""From the name of a port to a bus.
+
+A port is a device path (`/dev/ttyUSB0`), `COM4`, `socket://host:port`, `rfc2217://host:port`, or
+`virtual:SPEC` for virtual servos in this process, such as `virtual:rx28@1-4,lx16a@7`.
+"""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from servobus.bus import Bus
+from servobus.errors import BadValue
+from servobus.transports.base import Transport
+
+if TYPE_CHECKING:
+    from servobus.aio import AsyncBus
+
+VIRTUAL = "virtual:"
+FIRST_BAUD = 115_200
+"""Speed a port is opened at. It only matters until the first servo is spoken to, at its own speed."""
+
+
+def open(port: str, *, bauds: int | Iterable[int] | None = None, echo: bool | None = None) -> Bus:
+    """Open a port. Nothing is sent, nothing moves, torque stays as it is.
+
+    bauds   speed or speeds to look for servos at, bit/s; the factory speed of each family by default
+    echo    whether the adapter hears what it sends; found out by default
+
+    Raises PortError if the port is missing, in use or not permitted, UsageError for a name that is no port.
+    """
+    speeds = _speeds(bauds)
+    return Bus(transport(port, speeds), bauds=speeds, echo=echo)
+
+
+def open_async(port: str, *, bauds: int | Iterable[int] | None = None, echo: bool | None = None) -> "AsyncBus":
+    """Open a port for asyncio: `async with servobus.open_async(port) as bus`. See `open`."""
+    from servobus.aio import AsyncBus  # noqa: PLC0415 - asyncio is slow to import and not always wanted
+
+    speeds = _speeds(bauds)
+    return AsyncBus(transport(port, speeds), bauds=speeds, echo=echo)
+
+
+def transport(port: str, speeds: tuple[int, ...] | None = None) -> Transport:
+    """Open the bare port behind a name."""
+    if port.startswith(VIRTUAL):
+        from servobus.virtual.inprocess import connect  # noqa: PLC0415 - real ports need no virtual servos
+
+        return connect(port)
+    from servobus.transports.serial_port import SerialPort  # noqa: PLC0415 - virtual servos need no pyserial
+
+    return SerialPort(port, speeds[0] if speeds else FIRST_BAUD)
+
+
+def _speeds(bauds: int | Iterable[int] | None) -> tuple[int, ...] | None:
+    if bauds is None:
+        return None
+    speeds = (bauds,) if isinstance(bauds, int) else tuple(bauds)
+    for speed in speeds:
+        if not 1 <= speed <= 4_000_000:
+            raise BadValue(f"{speed} is not a speed in baud")
+    return speeds
+
+
+__all__ = ["open", "open_async", "transport"]

@@ -1,0 +1,60 @@
+"""One method, two drivers: how operations are written once.
+
+`Operation` decorates a method that builds a job. What calling it gives depends on who it is called on:
+
+    Blocking    the result: the job is carried out before the call returns
+    Awaiting    an awaitable of the result
+    neither     the job itself
+
+Type checkers see all three.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Awaitable, Callable
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, overload
+
+from servobus.exchange import Job
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class Blocking(ABC):
+    """Carries a job out and gives its result."""
+
+    @abstractmethod
+    def perform(self, job: Job[T]) -> T: ...
+
+
+class Awaiting(ABC):
+    """Gives an awaitable that carries a job out."""
+
+    @abstractmethod
+    async def perform(self, job: Job[T]) -> T: ...
+
+
+class Operation(Generic[P, T]):
+    """Decorator for a method that builds a job; see the head of this module."""
+
+    def __init__(self, build: Callable[Concatenate[Any, P], Job[T]]) -> None:
+        self._build = build
+        self.__doc__ = build.__doc__
+
+    @overload
+    def __get__(self, owner: None, kind: type) -> "Operation[P, T]": ...
+    @overload
+    def __get__(self, owner: Blocking, kind: type) -> Callable[P, T]: ...
+    @overload
+    def __get__(self, owner: Awaiting, kind: type) -> Callable[P, Awaitable[T]]: ...
+    @overload
+    def __get__(self, owner: object, kind: type) -> Callable[P, Job[T]]: ...
+    def __get__(self, owner: Any, kind: type) -> Any:
+        if owner is None:
+            return self
+
+        def operation(*args: P.args, **kwargs: P.kwargs) -> Any:
+            job = self._build(owner, *args, **kwargs)
+            return owner.perform(job) if isinstance(owner, Blocking | Awaiting) else job
+
+        operation.__doc__ = self.__doc__
+        return operation

@@ -1,0 +1,372 @@
+"""Jobs of several steps, written once for both drivers: look, move, scan, change id and baud, back up."""
+
+import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from servobus import models
+from servobus.errors import BadValue, BusError, MoveTimeout, NoReply, TorqueOff, UsageError
+from servobus.exchange import Pause, Procedure, SetBaud, ask
+from servobus.protocols.base import LAST_ID, Family, Identity, Leg, Model, Target, check_id
+from servobus.registers import Area, Register
+from servobus.units import deg, show
+
+DEFAULT_SPEED = 90 * deg
+"""Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try."""
+
+
+# Looking
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What one wants to see of a servo first."""
+
+    position: float
+    """rad"""
+    voltage: float
+    """V"""
+    temperature: float
+    """°C"""
+    torque: bool
+
+    def __str__(self) -> str:
+        torque = "on" if self.torque else "off"
+        return (
+            f"{show(self.position, 'rad')}, {show(self.voltage, 'V')}, "
+            f"{show(self.temperature, 'degC')}, torque {torque}"
+        )
+
+
+def look(target: Target) -> Procedure[State]:
+    """Read position, voltage, temperature and torque."""
+    names = ("present_position", "present_voltage", "present_temperature", "torque_enable")
+    rows = [target.model.register(name) for name in names]
+    raw = yield from target.model.family.read(target, rows)
+    position, voltage, temperature, _ = (row.decode(value) for row, value in zip(rows, raw, strict=True))
+    return State(position, voltage, temperature, bool(raw[3]))
+
+
+# Moving
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A move under way: who goes where, and when all should be there."""
+
+    legs: tuple[Leg, ...]
+
+    @property
+    def duration(self) -> float:
+        """Seconds from start to arrival."""
+        return max(leg.duration for leg in self.legs)
+
+
+def move(goals: Mapping[Target, float], *, time: float | None = None, speed: float | None = None) -> Procedure[Course]:
+    """Start a move of one servo or several that start together and arrive together.
+
+    goals   target -> angle in rad
+    time    seconds the move takes, or
+    speed   rad/s of the servo that has the longest way; DEFAULT_SPEED if neither is given
+
+    Everything is checked before anything moves. Raises BadValue for an angle, time or speed that cannot be,
+    TorqueOff if a servo has no torque, UsageError if one is in endless turn.
+    """
+    if time is not None and speed is not None:
+        raise BadValue("a move takes either a time or a speed, not both")
+    for name, value in (("time", time), ("speed", speed)):
+        if value is not None and not 0 < value < float("inf"):
+            raise BadValue(f"{name} {value} is not a number above 0")
+    families = {target.model.family.name for target in goals}
+    if len(families) != 1:
+        raise UsageError(f"one move drives servos of one family, not {' and '.join(sorted(families)) or 'none'}")
+
+    raw = {target: _goal(target, angle) for target, angle in goals.items()}
+    family = next(iter(goals)).model.family
+    distances: dict[Target, float] = {}
+    for target, goal in raw.items():
+        stance = yield from family.stance(target)
+        if stance.turning:
+            raise UsageError(f"{target} turns without end; call position_mode() first")
+        if not stance.torque:
+            raise TorqueOff(f"{target}: torque is off, so it would not move; switch it on first")
+        row = target.model.register("goal_position")
+        if not stance.low <= goal <= stance.high:
+            low, high = row.show(row.decode(stance.low)), row.show(row.decode(stance.high))
+            raise BadValue(f"{target}: {row.show(row.decode(goal))} is outside the limits set in it, {low} .. {high}")
+        distances[target] = abs(row.decode(goal) - stance.position)
+    if time is None:
+        longest = max(distances.values())
+        time = max(longest / (speed or DEFAULT_SPEED), 0.02)  # a move to where it stands still takes a moment
+    if family.max_move_time is not None and time > family.max_move_time:
+        raise BadValue(
+            f"a {family.title} move takes {family.max_move_time:.2f} s at most, this one would take {time:.2f} s: "
+            "go in steps, or faster"
+        )
+    legs = tuple(Leg(target, goal, distances[target], time) for target, goal in raw.items())
+    yield from family.launch(legs)
+    return Course(legs)
+
+
+def _goal(target: Target, angle: float) -> int:
+    """Turn an angle into a raw goal the model can take. Raises BadValue."""
+    row = target.model.register("goal_position")
+    try:
+        raw = row.scale.encode(angle)
+    except ValueError as error:
+        raise BadValue(f"{target}: {error}") from None
+    if not row.accepts(raw):
+        raise BadValue(f"{target}: {row.show(angle)} is not {row.range_text()}")
+    return raw
+
+
+def arrive(course: Course, *, timeout: float | None = None, tolerance: float = 3 * deg) -> Procedure[None]:
+    """Wait until all servos of a move stand still near their goals.
+
+    `timeout` is in seconds from now; the move's own duration and 2 s by default. Raises MoveTimeout.
+    """
+    pace = 0.02
+    left = course.duration + 2.0 if timeout is None else timeout
+    head_start = min(course.duration, left)
+    yield Pause(head_start)
+    left -= head_start
+    for leg in course.legs:
+        row = leg.target.model.register("present_position")
+        while True:
+            moving = yield from leg.target.model.family.moving(leg.target)
+            (raw,) = yield from leg.target.model.family.read(leg.target, [row])
+            if not moving and abs(row.decode(raw) - row.decode(leg.goal)) <= tolerance:
+                break
+            if left <= 0:
+                raise MoveTimeout(
+                    f"{leg.target} is at {row.show(row.decode(raw))} and did not reach {row.show(row.decode(leg.goal))}"
+                )
+            yield Pause(pace)
+            left -= pace
+
+
+# Finding
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A servo that answered. `model` is None if its number is of no model known here."""
+
+    family: Family
+    id: int
+    baud: int
+    identity: Identity
+    model: type[Model] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """Something answered that made no sense."""
+
+    family: Family
+    id: int
+    baud: int
+    error: BusError
+
+    def __str__(self) -> str:
+        return (
+            f"{self.family.title}, id {self.id} at {self.baud} baud: something answers, but not clearly ({self.error})"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a scan is."""
+
+    done: int
+    total: int
+    family: Family
+    baud: int
+    id: int
+    found: Found | None = None
+
+
+@dataclass(slots=True)
+class Survey:
+    """What a scan saw."""
+
+    found: list[Found] = field(default_factory=list)
+    troubles: list[Trouble] = field(default_factory=list)
+
+
+Watcher = Callable[[Progress], None]
+
+
+def scan(
+    families: Sequence[Family],
+    bauds: Sequence[int] | None = None,
+    ids: Iterable[int] = range(LAST_ID + 1),
+    watch: Watcher | None = None,
+) -> Procedure[Survey]:
+    """Ask every id of every family at every speed whether it is there. Moves nothing, changes nothing.
+
+    `bauds` None means each family's factory speed.
+    """
+    wanted = [check_id(id) for id in ids]
+    rounds = [(baud, family) for family in families for baud in bauds or (family.default_baud,)]
+    survey = Survey()
+    done = 0
+    for baud, family in sorted(rounds, key=lambda item: item[0]):
+        yield SetBaud(baud)
+        for id in wanted:
+            done += 1
+            found = None
+            try:
+                yield from ask(family.ping(id))
+                identity = yield from family.identify(id)
+                found = Found(family, id, baud, identity, models.identified(family, identity.number))
+                survey.found.append(found)
+            except NoReply:
+                pass  # nobody there: what a scan mostly meets
+            except BusError as error:
+                survey.troubles.append(Trouble(family, id, baud, error))
+            if watch is not None:
+                watch(Progress(done, len(rounds) * len(wanted), family, baud, id, found))
+    return survey
+
+
+def find(families: Sequence[Family], bauds: Sequence[int] | None, id: int) -> Procedure[Found]:
+    """Look for one servo. Raises NoReply if nobody answers, BusError if it is no model known here."""
+    survey = yield from scan(families, bauds, [id])
+    for found in survey.found:
+        if found.model is not None:
+            yield SetBaud(found.baud)
+            return found
+        raise BusError(
+            f"id {id} at {found.baud} baud answers as {found.family.title} model {found.identity.number}, "
+            "which is not known here"
+        )
+    if survey.troubles:
+        raise survey.troubles[0].error
+    tried = ", ".join(f"{family.name} at {'/'.join(map(str, bauds or (family.default_baud,)))}" for family in families)
+    raise NoReply(f"no servo answers to id {id} (tried {tried}); is it powered, and is that its speed?")
+
+
+def identify_at(family: Family, id: int, baud: int) -> Procedure[Identity]:
+    """Ask a servo who it is, at a given speed."""
+    yield SetBaud(baud)
+    return (yield from family.identify(id))
+
+
+# Changing who is who
+
+
+def change_id(target: Target, id: int) -> Procedure[None]:
+    """Give a servo another id, after making sure that nobody has it."""
+    check_id(id)
+    family = target.model.family
+    if id == target.id:
+        return
+    try:
+        yield from ask(family.ping(id))
+    except NoReply:
+        pass  # free
+    except BusError as error:
+        raise UsageError(f"id {id} is not free: something answers to it ({error})") from error
+    else:
+        raise UsageError(f"id {id} is not free: a servo answers to it")
+    yield from family.set_id(target, id)
+    yield from ask(family.ping(id))
+
+
+def change_baud(target: Target, old: int, new: int) -> Procedure[None]:
+    """Set a servo to another speed and check that it answers there; the bus follows it."""
+    family = target.model.family
+    yield from family.set_baud(target, new)
+    yield SetBaud(new)
+    try:
+        yield from ask(family.ping(target.id))
+    except BusError as error:
+        yield SetBaud(old)
+        raise NoReply(f"{target} was told to use {new} baud and does not answer there ({error})") from error
+
+
+# Backup
+
+
+@dataclass(frozen=True, slots=True)
+class Backup:
+    """All settings of a servo that survive power-off, raw, with what they belong to."""
+
+    model: type[Model]
+    firmware: str
+    id: int
+    baud: int
+    values: dict[str, int]
+
+    def text(self) -> str:
+        """Write it as a TOML file that people can read: raw values, each with its meaning beside it."""
+        lines = [
+            "# Settings of a servo, written by `servobus backup`.",
+            f'model = "{self.model.key()}"',
+            f'firmware = "{self.firmware}"',
+            f"id = {self.id}",
+            f"baud = {self.baud}",
+            "",
+            "[settings]  # raw values",
+        ]
+        for name, raw in self.values.items():
+            row = self.model.registers[name]
+            try:
+                shown = row.show(row.decode(raw))
+            except ValueError:
+                shown = "no known meaning"
+            lines.append(f"{f'{name} = {raw}':<42} # {shown}: {row.meaning}")
+        return "\n".join(lines) + "\n"
+
+    @classmethod
+    def parse(cls, text: str) -> "Backup":
+        """Read a backup file. Raises UsageError for anything that is not one."""
+        try:
+            data = tomllib.loads(text)
+            model = models.model(data["model"])
+            values = {name: int(raw) for name, raw in data["settings"].items()}
+            backup = cls(model, str(data["firmware"]), int(data["id"]), int(data["baud"]), values)
+        except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
+            raise UsageError(f"this is not a backup file: {error}") from None
+        for name, raw in values.items():
+            register = model.register(name)
+            if not register.accepts(raw):
+                raise UsageError(f"the backup is damaged: {register.name} = {raw} is not {register.range_text()}")
+        return backup
+
+
+def _settings(model: type[Model]) -> list[Register[Any]]:
+    """List what a backup holds: every register that can be written and survives power-off."""
+    return [row for row in model.registers.values() if row.area is Area.EEPROM and row.writable]
+
+
+def _identity_names(model: type[Model]) -> set[str]:
+    """Name the registers that say who a servo is rather than how it behaves."""
+    return {"id", model.aliases.get("baud", "baud")}
+
+
+def backup(target: Target, firmware: str, baud: int) -> Procedure[Backup]:
+    """Read all settings that survive power-off."""
+    rows = _settings(target.model)
+    values = yield from target.model.family.read_stored(target, rows)
+    return Backup(target.model, firmware, target.id, baud, {row.name: raw for row, raw in zip(rows, values, strict=True)})
+
+
+def restore(target: Target, saved: Backup) -> Procedure[list[str]]:
+    """Write the settings that differ from the backup; id and speed stay as they are. Gives their names."""
+    if saved.model is not target.model:
+        raise UsageError(f"the backup is of a {saved.model.title}, {target} is another model; nothing was written")
+    skip = _identity_names(target.model)
+    rows = [row for row in _settings(target.model) if row.name in saved.values and row.name not in skip]
+    present = yield from target.model.family.read_stored(target, rows)
+    changes = {
+        row: saved.values[row.name] for row, raw in zip(rows, present, strict=True) if raw != saved.values[row.name]
+    }
+    yield from target.model.family.store(target, changes)
+    after = yield from target.model.family.read_stored(target, list(changes))
+    wrong = [row.name for row, raw in zip(changes, after, strict=True) if raw != changes[row]]
+    if wrong:
+        raise BusError(f"{target} did not take {', '.join(wrong)}")
+    return [row.name for row in changes]

@@ -1,0 +1,217 @@
+"""A servo: its id, its model, and the jobs one can ask of it.
+
+`Servo` builds jobs and performs none. The drivers bind it: on their servos each operation carries its job
+out and gives the result, or an awaitable of it.
+"""
+
+from collections.abc import Mapping, Sequence
+from enum import IntFlag
+from typing import Any, TypeVar
+
+from servobus import procedures
+from servobus.errors import UsageError
+from servobus.exchange import Job, Procedure
+from servobus.operation import Operation
+from servobus.procedures import Backup, Course, State
+from servobus.protocols.base import Answers, Family, Model, Target
+from servobus.registers import Register
+from servobus.units import Flags
+
+T = TypeVar("T")
+
+
+class Servo:
+    """One servo on a bus.
+
+    `state` is what was last seen of it (None before the first look), `alarms` the alarm bits of its last
+    reply. Printing a servo shows both; it asks nothing.
+    """
+
+    def __init__(self, target: Target, baud: int, firmware: str = "") -> None:
+        self.target = target
+        self.baud = baud
+        self.firmware = firmware
+        self.state: State | None = None
+        self.alarms: int = 0
+
+    @property
+    def id(self) -> int:
+        return self.target.id
+
+    @property
+    def model(self) -> type[Model]:
+        return self.target.model
+
+    @property
+    def family(self) -> Family:
+        return self.target.model.family
+
+    # Who and what
+
+    @Operation
+    def ping(self) -> Job[None]:
+        """Ask whether the servo is there. Raises NoReply."""
+        return self.family.ping(self.id)
+
+    @Operation
+    def look(self) -> Procedure[State]:
+        """Read position, voltage, temperature and torque; the result is kept in `state`."""
+        self.state = yield from procedures.look(self.target)
+        return self.state
+
+    # Registers
+
+    @Operation
+    def read(self, register: Register[T]) -> Procedure[T]:
+        """Read one register, in its unit: `servo.read(RX28.present_position)` gives radians."""
+        values = yield from self.family.read(self.target, [self._own(register)])
+        return register.decode(values[0])
+
+    @Operation
+    def read_many(self, registers: Sequence[Register[Any]]) -> Procedure[dict[str, Any]]:
+        """Read several registers in as few exchanges as possible; gives name -> value."""
+        values = yield from self.family.read(self.target, [self._own(register) for register in registers])
+        return {register.name: register.decode(raw) for register, raw in zip(registers, values, strict=True)}
+
+    @Operation
+    def read_raw(self, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+        """Read several registers as raw integers."""
+        return self.family.read(self.target, [self._own(register) for register in registers])
+
+    @Operation
+    def write(self, register: Register[T], value: T) -> Procedure[None]:
+        """Write one register so that it acts at once. Raises BadValue before anything is sent."""
+        return self._write({self._own(register): register.encode(value)})
+
+    @Operation
+    def write_many(self, values: Mapping[Register[Any], Any]) -> Procedure[None]:
+        """Write several registers in as few exchanges as possible. Raises BadValue before anything is sent."""
+        return self._write({self._own(register): register.encode(value) for register, value in values.items()})
+
+    @Operation
+    def write_raw(self, values: Mapping[Register[Any], int]) -> Procedure[None]:
+        """Write raw integers. Raises BadValue before anything is sent."""
+        return self._write({self._own(register): register.check(raw) for register, raw in values.items()})
+
+    @Operation
+    def store(self, values: Mapping[Register[Any], Any]) -> Procedure[None]:
+        """Write registers so that they survive power-off. Raises BadValue before anything is sent."""
+        raw = {self._own(register): register.encode(value) for register, value in values.items()}
+        return self._write(raw, keep=True)
+
+    # Motion
+
+    @Operation
+    def start_move(
+        self, angle: float, *, time: float | None = None, speed: float | None = None
+    ) -> Procedure[Course]:
+        """Start a move and give what `wait` needs; see `move`."""
+        return procedures.move({self.target: angle}, time=time, speed=speed)
+
+    @Operation
+    def torque_on(self) -> Procedure[None]:
+        """Switch the torque on; the goal becomes the present position first, so that nothing jumps."""
+        return self.family.torque(self.target, on=True)
+
+    @Operation
+    def torque_off(self) -> Procedure[None]:
+        """Switch the torque off: the shaft turns freely."""
+        return self.family.torque(self.target, on=False)
+
+    @Operation
+    def stop(self) -> Procedure[None]:
+        """End the motion and hold the present position."""
+        return self.family.stop(self.target)
+
+    @Operation
+    def turn(self, *, speed: float | None = None, output: float | None = None) -> Procedure[None]:
+        """Turn without end. `speed` in rad/s (HerkuleX) or `output` as a share -1 .. 1 (RX-28, LX-16A)."""
+        return self.family.turn(self.target, speed=speed, output=output)
+
+    @Operation
+    def position_mode(self, limits: tuple[float, float] | None = None) -> Procedure[None]:
+        """Come back from `turn` and hold the present position.
+
+        An RX-28 turns without end because its angle limits are 0; `limits` (rad) are the ones to set again,
+        the full range by default.
+        """
+        goal = self.model.register("goal_position")
+        raw = None if limits is None else (goal.scale.encode(limits[0]), goal.scale.encode(limits[1]))
+        return self.family.position_mode(self.target, raw)
+
+    @Operation
+    def led(self, colour: str) -> Procedure[None]:
+        """Set the light: "on", "off", or a colour where the model has one."""
+        return self.family.led(self.target, colour)
+
+    # Identity and life
+
+    @Operation
+    def reboot(self) -> Procedure[None]:
+        """Restart the servo."""
+        return self.family.reboot(self.target)
+
+    @Operation
+    def reset(self, *, keep: frozenset[str] = frozenset()) -> Procedure[None]:
+        """Restore factory settings, less what is kept ("id", "baud", "calibration")."""
+        id, self.baud = yield from self.family.reset(self.target, keep)
+        # The answer policy is a factory setting too.
+        identity = yield from procedures.identify_at(self.family, id, self.baud)
+        self.target = Target(id, self.model, identity.answers)
+
+    @Operation
+    def change_id(self, id: int) -> Procedure[None]:
+        """Give the servo another id. Raises UsageError if some servo answers to it already."""
+        yield from procedures.change_id(self.target, id)
+        self.target = Target(id, self.model, self.target.answers)
+
+    @Operation
+    def change_baud(self, baud: int) -> Procedure[None]:
+        """Set the servo to another speed and check that it answers there."""
+        yield from procedures.change_baud(self.target, self.baud, baud)
+        self.baud = baud
+
+    @Operation
+    def backup(self) -> Procedure[Backup]:
+        """Read all settings that survive power-off."""
+        return procedures.backup(self.target, self.firmware, self.baud)
+
+    @Operation
+    def restore(self, backup: Backup) -> Procedure[list[str]]:
+        """Write the settings of a backup that differ; gives their names. Id and speed stay as they are.
+
+        Raises UsageError for a backup of another model, before anything is written.
+        """
+        return procedures.restore(self.target, backup)
+
+    # Printing
+
+    def alarm_text(self) -> str:
+        """Say the alarms of the last reply: "overheating+overload", or "" if there are none."""
+        if not self.alarms:
+            return ""
+        return Flags(type(self.alarms)).show(self.alarms) if isinstance(self.alarms, IntFlag) else hex(self.alarms)
+
+    def __str__(self) -> str:
+        text = f"{self.model.title} id {self.id} at {self.baud}"
+        if self.state is not None:
+            text += f": {self.state}"
+        if self.alarms:
+            text += f", ALARM {self.alarm_text()}"
+        return text
+
+    def __repr__(self) -> str:
+        return f"<{self}>"
+
+    def _own(self, register: Register[T]) -> Register[T]:
+        if self.model.registers.get(register.name) is not register:
+            raise UsageError(f"{register.model} {register.name} is not a register of {self.model.title}")
+        return register
+
+    def _write(self, raw: Mapping[Register[Any], int], *, keep: bool = False) -> Procedure[None]:
+        yield from (self.family.store if keep else self.family.write)(self.target, raw)
+        # From now on the servo answers by the new policy.
+        level = self.model.aliases.get("answer_level", "answer_level")
+        for register, value in raw.items():
+            if register.name == level:
+                self.target = Target(self.id, self.model, Answers(value))

@@ -1,0 +1,60 @@
+"""What a driver needs of a port: bytes out, bytes in, and a clock."""
+
+import time
+from abc import ABC, abstractmethod
+
+
+class Transport(ABC):
+    """A byte stream with a speed and a clock.
+
+    The clock belongs to the transport because virtual servos may run on virtual time: whoever waits on
+    their line is the one who lets time pass.
+    """
+
+    name: str
+    """The port as the user named it."""
+    baud: int
+    latency: float = 0.0
+    """Seconds that a reply may be late for reasons of the adapter and the system, not of the servo."""
+
+    @abstractmethod
+    def write(self, data: bytes) -> None:
+        """Send bytes. Raises PortError if the port is gone."""
+
+    @abstractmethod
+    def read(self, timeout: float) -> bytes:
+        """Give what has arrived; wait up to `timeout` seconds for the first byte. Empty means silence.
+
+        Raises PortError if the port is gone.
+        """
+
+    @abstractmethod
+    def set_baud(self, baud: int) -> None:
+        """Talk at this speed, bit/s, from now on. Raises PortError if the port cannot."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give the port back. May be called twice."""
+
+    def fileno(self) -> int | None:
+        """Give a descriptor that turns readable when bytes arrive, or None if there is no such thing."""
+        return None
+
+    def blocking(self) -> bool:
+        """Tell whether `read` may take real time, so that an event loop must not call it directly."""
+        return True
+
+    def discard(self) -> bytes:
+        """Throw away what has arrived, and give it."""
+        dropped = b""
+        while chunk := self.read(0):
+            dropped += chunk
+        return dropped
+
+    def now(self) -> float:
+        """Give the time of this port's clock in seconds."""
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass."""
+        time.sleep(seconds)
