@@ -1,11 +1,11 @@
 """The asynchronous driver: the same jobs, awaited.
 
-    async with servobus.open_async("/dev/ttyUSB0") as bus:
-        for servo in await bus.scan():
-            print(servo)
-        elbow = bus[1]
-        async with elbow.torque():
-            await elbow.move(90 * deg, speed=60 * deg).wait()
+async with servobus.open_async("/dev/ttyUSB0") as bus:
+    for servo in await bus.scan():
+        print(servo)
+    elbow = bus[1]
+    async with elbow.torque():
+        await elbow.move(90 * deg, speed=60 * deg).wait()
 """
 
 import asyncio

@@ -1,11 +1,11 @@
 """The blocking driver.
 
-    with servobus.open("/dev/ttyUSB0") as bus:
-        for servo in bus.scan():
-            print(servo)
-        elbow = bus[1]
-        with elbow.torque():
-            elbow.move(90 * deg, speed=60 * deg).wait()
+with servobus.open("/dev/ttyUSB0") as bus:
+    for servo in bus.scan():
+        print(servo)
+    elbow = bus[1]
+    with elbow.torque():
+        elbow.move(90 * deg, speed=60 * deg).wait()
 """
 
 import threading
@@ -80,7 +80,9 @@ class Bus(Blocking, Driver[BusServo]):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self.close()
 
     def close(self) -> None:

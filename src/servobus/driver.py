@@ -63,7 +63,13 @@ class Driver(ABC, Generic[S]):
         return any(servo.id == id for servo in self._servos)
 
     def attach(
-        self, model: type[Model], id: int, *, baud: int | None = None, answers: Answers | None = None, firmware: str = ""
+        self,
+        model: type[Model],
+        id: int,
+        *,
+        baud: int | None = None,
+        answers: Answers | None = None,
+        firmware: str = "",
     ) -> S:
         """Name a servo that is there, without asking it anything.
 
@@ -170,9 +176,7 @@ class Driver(ABC, Generic[S]):
         if found.model is None:
             return None
         identity = found.identity
-        return self.attach(
-            found.model, found.id, baud=found.baud, answers=identity.answers, firmware=identity.firmware
-        )
+        return self.attach(found.model, found.id, baud=found.baud, answers=identity.answers, firmware=identity.firmware)
 
     def _chosen(self, ids: Iterable[int] | None) -> list[S]:
         return list(self) if ids is None else [self[id] for id in ids]

@@ -351,7 +351,13 @@ def backup(target: Target, firmware: str, baud: int) -> Procedure[Backup]:
     """Read all settings that survive power-off."""
     rows = _settings(target.model)
     values = yield from target.model.family.read_stored(target, rows)
-    return Backup(target.model, firmware, target.id, baud, {row.name: raw for row, raw in zip(rows, values, strict=True)})
+    return Backup(
+        target.model,
+        firmware,
+        target.id,
+        baud,
+        {row.name: raw for row, raw in zip(rows, values, strict=True)},
+    )
 
 
 def restore(target: Target, saved: Backup) -> Procedure[list[str]]:

@@ -102,9 +102,7 @@ class Servo:
     # Motion
 
     @Operation
-    def start_move(
-        self, angle: float, *, time: float | None = None, speed: float | None = None
-    ) -> Procedure[Course]:
+    def start_move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> Procedure[Course]:
         """Start a move and give what `wait` needs; see `move`."""
         return procedures.move({self.target: angle}, time=time, speed=speed)
 

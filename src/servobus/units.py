@@ -1,7 +1,7 @@
 """How a raw register integer and a value a person can use are one and the same thing.
 
-A `Scale` turns one into the other and back. Values are SI (rad, rad/s, s, V) with two exceptions that the
-whole field makes: temperature is in degrees Celsius (`degC`) and shares of full output are plain ratios (`1`).
+A `Scale` turns one into the other and back. Values are SI (rad, rad/s, s, V) with two exceptions that
+the whole field makes: temperature is in degrees Celsius (`degC`), shares of full output are plain ratios (`1`).
 
     >>> angle = Quantity("rad", 300 * deg / 1023)
     >>> angle.encode(90 * deg)

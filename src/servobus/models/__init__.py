@@ -46,3 +46,6 @@ def _unknown(kind: str, name: str, known: list[str]) -> str:
     near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.4)
     hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
     return f"no {kind} {name!r}; {hint}"
+
+
+__all__ = ["DRS0602", "FAMILIES", "LX16A", "MODELS", "RX28", "family", "identified", "model"]

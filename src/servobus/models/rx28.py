@@ -64,7 +64,13 @@ class RX28(Model):
         default=1023, limits=(0, 1023), area=EEPROM,
     )  # fmt: skip
     reserved_10 = Register(
-        Address(10), U8, Count(), "not in the manual's table", access=RESERVED, area=EEPROM, note="ED-22: reads 0"
+        Address(10),
+        U8,
+        Count(),
+        "not in the manual's table",
+        access=RESERVED,
+        area=EEPROM,
+        note="ED-22: reads 0",
     )
     highest_limit_temperature = Register(
         Address(11), U8, celsius, "temperature above which overheating is reported",
@@ -79,7 +85,13 @@ class RX28(Model):
         default=240, limits=(50, 250), area=EEPROM, note="ED-10, ED-12: 24.0 V as in the manual at hand",
     )  # fmt: skip
     max_torque = Register(
-        Address(14), U16, share, "torque limit at power-on; 0 is free run", default=1023, limits=(0, 1023), area=EEPROM
+        Address(14),
+        U16,
+        share,
+        "torque limit at power-on; 0 is free run",
+        default=1023,
+        limits=(0, 1023),
+        area=EEPROM,
     )
     status_return_level = Register(
         Address(16), U8, Count(), "which instructions are answered: 0 PING, 1 reads, 2 all",
@@ -96,7 +108,13 @@ class RX28(Model):
         note="ED-22: accepts 0 and 1",
     )  # fmt: skip
     reserved_20 = Register(
-        Address(20), Int(4), Count(), "not in the manual's table", access=RESERVED, area=EEPROM, note="ED-22: reads 0"
+        Address(20),
+        Int(4),
+        Count(),
+        "not in the manual's table",
+        access=RESERVED,
+        area=EEPROM,
+        note="ED-22: reads 0",
     )
     torque_enable = Register(Address(24), U8, Switch(), "torque on or off", default=0, limits=(0, 1))
     led = Register(Address(25), U8, Switch(), "light on or off", default=0, limits=(0, 1))
@@ -130,14 +148,26 @@ class RX28(Model):
         note="ED-15: direction in bit 10, as in present_load",
     )  # fmt: skip
     present_load = Register(
-        Address(40), Int(2, sign_bit=10), share, "load as a share of full torque; negative is clockwise", access=READ
+        Address(40),
+        Int(2, sign_bit=10),
+        share,
+        "load as a share of full torque; negative is clockwise",
+        access=READ,
     )
     present_voltage = Register(Address(42), U8, volts, "supply voltage", access=READ)
     present_temperature = Register(Address(43), U8, celsius, "internal temperature", access=READ)
     registered_instruction = Register(
-        Address(44), U8, Switch(), "on while a REG_WRITE waits for ACTION", default=0, limits=(0, 1), note="ED-16"
+        Address(44),
+        U8,
+        Switch(),
+        "on while a REG_WRITE waits for ACTION",
+        default=0,
+        limits=(0, 1),
+        note="ED-16",
     )
-    reserved_45 = Register(Address(45), U8, Count(), "not in the manual's table", access=RESERVED, note="ED-22: reads 0")
+    reserved_45 = Register(
+        Address(45), U8, Count(), "not in the manual's table", access=RESERVED, note="ED-22: reads 0"
+    )
     moving = Register(Address(46), U8, Switch(), "on while moving to a goal", default=0, access=READ)
     lock = Register(
         Address(47), U8, Switch(), "on: only addresses 24 to 35 can be written until power-off", default=0, limits=(0, 1),

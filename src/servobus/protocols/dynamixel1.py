@@ -272,7 +272,14 @@ def read_data(id: int, address: int, length: int) -> Exchange[bytes]:
 
     reply = Reply(id, None, (length, 0))
     return Exchange(
-        what, FRAMING, encode(ReadData(id, address, length)), interpret, reply, _alarms, LONGEST_DELAY, repeatable=True
+        what,
+        FRAMING,
+        encode(ReadData(id, address, length)),
+        interpret,
+        reply,
+        _alarms,
+        LONGEST_DELAY,
+        repeatable=True,
     )
 
 
@@ -371,7 +378,9 @@ class Dynamixel1(Family):
         data = {leg.target.id: _goal_and_speed(leg) for leg in legs}
         goal = _address(legs[0].target.model.register("goal_position"))
         if len(legs) == 1:
-            yield from ask(write_data(legs[0].target.id, goal, data[legs[0].target.id], answered=_answers(legs[0].target)))
+            yield from ask(
+                write_data(legs[0].target.id, goal, data[legs[0].target.id], answered=_answers(legs[0].target))
+            )
             return
         most = (RX_BUFFER - 8) // 5
         ids = list(data)
@@ -404,7 +413,11 @@ class Dynamixel1(Family):
     def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""
         if output is None or speed is not None:
-            raise cannot(target, "turn at a given speed", "endless turn has no speed control (3-4-3); give output=-1..1")
+            raise cannot(
+                target,
+                "turn at a given speed",
+                "endless turn has no speed control (3-4-3); give output=-1..1",
+            )
         model = target.model
         share = round(abs(check_output(output)) * 1023) | (0x400 if output < 0 else 0)
         limits = {model.register("cw_angle_limit"): 0, model.register("ccw_angle_limit"): 0}

@@ -47,15 +47,14 @@ class SerialPort(Transport):
                 if not select.select([self._fd], [], [], max(timeout, 0))[0]:
                     return b""
                 data = os.read(self._fd, 4096)
-                if not data:
-                    raise PortError(f"{self.name}: the port went away (end of file)")
-                return data
-            return self._poll(timeout)
-        except PortError:
-            raise
+            else:
+                return self._poll(timeout)
         except (serial.SerialException, OSError, ValueError, TypeError) as error:
             # A descriptor that was closed under us shows as ValueError or TypeError.
             raise PortError(f"{self.name}: the port went away while reading ({error})") from error
+        if not data:
+            raise PortError(f"{self.name}: the port went away (end of file)")
+        return data
 
     def set_baud(self, baud: int) -> None:
         if baud == self.baud:
@@ -100,7 +99,7 @@ def _explain(name: str, error: Exception) -> str:
     if number == errno.ENOENT or "No such file" in text or "FileNotFoundError" in text:
         return f"{name}: no such port; `servobus ports` lists what is plugged in"
     if number == errno.EACCES or "Permission denied" in text or "PermissionError" in text:
-        return f"{name}: no permission; add yourself to the group that owns it (often `dialout`) and log in again"
+        return f"{name}: no permission; join the group that owns it (often `dialout`) and log in again"
     if "exclusively lock" in text or number == errno.EBUSY:
         return f"{name}: in use by another program; close that first"
     return f"{name}: cannot be opened ({text})"
