@@ -245,9 +245,7 @@ def _question(id: int, command: Command, interpret: Callable[[Packet], T]) -> Ex
         raise BadValue(f"{command.name} to id {BROADCAST} is never answered (manual 3)")
     request = Request(id, command)
     reply = Reply(None if id == BROADCAST else id, int(command), (_length(command.reply),))
-    return Exchange(
-        str(request), FRAMING, encode(request), interpret, reply, turnaround=TURNAROUND, repeatable=True
-    )
+    return Exchange(str(request), FRAMING, encode(request), interpret, reply, turnaround=TURNAROUND, repeatable=True)
 
 
 def move_time_write(id: int, angle: int, time: int) -> Exchange[None]:
@@ -300,6 +298,9 @@ def mode_write(id: int, mode: Mode, speed: int = 0) -> Exchange[None]:
 WATCH = 0.05
 """s between the two looks that tell whether a servo moves."""
 
+_LIMITS = (Command.SERVO_ANGLE_LIMIT_WRITE, Command.SERVO_VIN_LIMIT_WRITE)
+"""The lower value must be below the upper (points 12, 14); else the servo ignores both in silence (L-47)."""
+
 
 class Lewansoul(Family):
     name = "lewansoul"
@@ -322,9 +323,7 @@ class Lewansoul(Family):
         answers: dict[int, bytes] = {}
         for code in dict.fromkeys(_pair(register).read for register in registers):
             answers[code] = yield from ask(_parameters(target.id, code))
-        return [
-            register.layout.unpack(answers[_pair(register).read][_bytes(register)]) for register in registers
-        ]
+        return [register.layout.unpack(answers[_pair(register).read][_bytes(register)]) for register in registers]
 
     def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Send each command once; parameters that are not given are read first and sent back unchanged."""
@@ -374,9 +373,7 @@ class Lewansoul(Family):
     def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Motor mode: the "speed" of the manual is a duty, nothing measures how fast it turns."""
         if output is None or speed is not None:
-            raise cannot(
-                target, "turn at a given speed", "motor mode has no speed control; give output=-1..1"
-            )
+            raise cannot(target, "turn at a given speed", "motor mode has no speed control; give output=-1..1")
         duty = round(check_output(output) * FULL_OUTPUT)
         yield from ask(mode_write(target.id, Mode.MOTOR, duty))
 
@@ -384,8 +381,7 @@ class Lewansoul(Family):
         """Motor mode leaves the angle limits alone, so `limits` are written only where they are given."""
         if limits is not None:
             rows = (target.model.register("min_position"), target.model.register("max_position"))
-            raws = (row.check(limit) for row, limit in zip(rows, limits, strict=True))
-            yield from ask(send(target.id, Command.SERVO_ANGLE_LIMIT_WRITE, *raws))
+            yield from self.write(target, {row: row.check(raw) for row, raw in zip(rows, limits, strict=True)})
         if (yield from self._mode(target)) == Mode.MOTOR:
             yield from ask(mode_write(target.id, Mode.POSITION))
 
@@ -412,12 +408,14 @@ class Lewansoul(Family):
         raise cannot(target, f"talk at {baud} baud", f"its speed is fixed at {BAUD} (manual 2)")
 
     def explain(self, packet: Packet, request: Packet | None = None) -> str:  # noqa: ARG002 - the length tells
-        for parse in (parse_request, parse_answer):
-            try:
-                return str(parse(packet))
-            except ValueError as error:
-                problem = str(error)
-        return f"id {packet.id}: {problem}"
+        try:
+            return str(parse_request(packet))
+        except ValueError as error:
+            problem = f"{error}, id {packet.id}"
+        try:
+            return str(parse_answer(packet))
+        except ValueError:
+            return problem
 
     def _mode(self, target: Target) -> Procedure[int]:
         (mode,) = yield from self.read(target, [target.model.register("mode")])
@@ -428,13 +426,15 @@ class Lewansoul(Family):
             data = yield from self._rest(target, command, group)
             for register, raw in group.items():
                 data[_bytes(register)] = register.layout.pack(raw)
-            yield from ask(send(target.id, command, *_values(command, command.params, bytes(data))))
+            parameters = _values(command, command.params, bytes(data))
+            if command in _LIMITS and parameters[0] >= parameters[1]:
+                low, high = parameters
+                raise BadValue(f"{target}: the lower limit {low} is not below the upper one, {high} (raw)")
+            yield from ask(send(target.id, command, *parameters))
             if save and command is Command.SERVO_ANGLE_OFFSET_ADJUST:
                 yield from ask(angle_offset_write(target.id))
 
-    def _rest(
-        self, target: Target, command: Command, group: Mapping[Register[Any], int]
-    ) -> Procedure[bytearray]:
+    def _rest(self, target: Target, command: Command, group: Mapping[Register[Any], int]) -> Procedure[bytearray]:
         """Give the command's parameters as they are in the servo, or zeros where all of them are given."""
         given = {_pair(register).at for register in group}
         if given >= {at for name, _, at in _places(command.params) if name != "null"}:
