@@ -12,7 +12,7 @@ from servobus.errors import BusError, UnknownName
 from servobus.exchange import Collector, Exchange, Procedure, SetBaud
 from servobus.operation import Operation
 from servobus.procedures import Course, Found, Survey, Watcher
-from servobus.protocols.base import LAST_ID, Answers, Family, Model, Target
+from servobus.protocols.base import LAST_ID, Answers, Family, Model, Target, check_id
 from servobus.servo import Servo
 from servobus.transports.base import Transport
 
@@ -74,7 +74,9 @@ class Driver(ABC, Generic[S]):
         """Name a servo that is there, without asking it anything.
 
         `baud` defaults to the family's factory speed, `answers` to the model's factory setting.
+        Raises BadValue for an id that no single servo can have.
         """
+        check_id(id)
         if answers is None:
             level = model.registers.get(model.aliases.get("answer_level", ""))
             answers = Answers.READS if level is None or level.default is None else Answers(level.default)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from servobus.errors import BadChecksum, BusError, Garbled, NoReply, WrongReply
-from servobus.framing import Corrupt, Decoder, Framing, Noise, Packet
+from servobus.framing import Corrupt, Decoder, Event, Framing, Packet
 
 T = TypeVar("T")
 
@@ -114,8 +114,6 @@ class Collector(Generic[T]):
     exchange: Exchange[T]
     echo: bool | None = False
     packet: Packet | None = None
-    strangers: list[Packet] = field(default_factory=list)
-    corrupt: list[Corrupt] = field(default_factory=list)
     heard: bytearray = field(default_factory=bytearray)
     _decoder: Decoder = field(init=False)
 
@@ -168,25 +166,22 @@ class Collector(Generic[T]):
         what, heard = self.exchange.what, bytes(self.heard)
         if self.echo:
             heard = heard[len(self.exchange.request) :]
-        if self.corrupt:
-            return BadChecksum(f"{what}: the reply's checksum is wrong ({_hex(self.corrupt[0].raw)})", heard)
-        if self.strangers:
-            ids = sorted({packet.id for packet in self.strangers})
-            return WrongReply(f"{what}: an answer came that does not fit, from id {', '.join(map(str, ids))}", heard)
+        events = self.exchange.framing.decode(heard)
+        if corrupt := [event for event in events if isinstance(event, Corrupt)]:
+            return BadChecksum(f"{what}: the reply's checksum is wrong ({_hex(corrupt[0].raw)})", heard)
+        if strangers := {event.id for event in events if isinstance(event, Packet)}:
+            ids = ", ".join(map(str, sorted(strangers)))
+            return WrongReply(f"{what}: an answer came that does not fit, from id {ids} ({_hex(heard)})", heard)
         if heard:
             hint = "wrong baud, noise, or two servos with one id?"
             return Garbled(f"{what}: {len(heard)} bytes that are no packet ({_hex(heard)}): {hint}", heard)
         return NoReply(f"{what}: no reply")
 
-    def _sort(self, events: Sequence[Packet | Corrupt | Noise]) -> None:
+    def _sort(self, events: Sequence[Event]) -> None:
+        reply = self.exchange.reply
         for event in events:
-            if isinstance(event, Corrupt):
-                self.corrupt.append(event)
-            elif isinstance(event, Packet):
-                if self.packet is None and self.exchange.reply is not None and self.exchange.reply.fits(event):
-                    self.packet = event
-                else:
-                    self.strangers.append(event)
+            if isinstance(event, Packet) and self.packet is None and reply is not None and reply.fits(event):
+                self.packet = event
 
 
 def _hex(data: bytes, most: int = 16) -> str:

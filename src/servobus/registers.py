@@ -138,7 +138,8 @@ class Register(Generic[T]):
     """
 
     __slots__ = (
-        "access", "allowed", "area", "default", "layout", "limits", "meaning", "model", "name", "note", "place", "scale",
+        "access", "allowed", "area", "default", "layout", "limits",
+        "meaning", "model", "name", "note", "place", "scale",
     )  # fmt: skip
 
     def __init__(

@@ -170,8 +170,8 @@ class RX28(Model):
     )
     moving = Register(Address(46), U8, Switch(), "on while moving to a goal", default=0, access=READ)
     lock = Register(
-        Address(47), U8, Switch(), "on: only addresses 24 to 35 can be written until power-off", default=0, limits=(0, 1),
-        note="ED-21",
+        Address(47), U8, Switch(), "on: only addresses 24 to 35 can be written until power-off",
+        default=0, limits=(0, 1), note="ED-21",
     )  # fmt: skip
     punch = Register(Address(48), U16, share, "lowest torque inside the compliance slope", default=32, limits=(0, 1023))
 

@@ -350,7 +350,8 @@ class Dynamixel1(Family):
             raise cannot(target, "be read", "its Status Return Level is 0; write status_return_level first")
         image: dict[int, int] = {}
         spans = ((_address(register), register.layout.size) for register in registers)
-        for address, size in blocks(spans, gap=12, longest=RX_BUFFER - 6):
+        # A second exchange costs 14 bytes of frames and the return delay: rather bridge a gap as wide.
+        for address, size in blocks(spans, gap=16, longest=RX_BUFFER - 6):
             data = yield from ask(read_data(target.id, address, size))
             image.update(enumerate(data, address))
         return [
