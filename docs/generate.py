@@ -1,0 +1,274 @@
+"""Write the register pages in docs/registers from the tables.
+
+python docs/generate.py            write them
+python docs/generate.py --check    write nothing; name the pages that are not current, exit status 1
+"""
+
+import re
+import sys
+from collections.abc import Iterator
+from enum import IntEnum
+from pathlib import Path
+from typing import Any
+
+from servobus import MODELS
+from servobus.protocols.base import Model
+from servobus.registers import Access, Address, Area, Eep, EepRam, Int, Pair, Ram, Register
+from servobus.units import Choice, Divided, Flags, Quantity, Switch, Table, deg, rpm, show, shown
+
+PAGES = Path(__file__).parent / "registers"
+KGF_CM = 0.0980665
+"""One kgf·cm in N·m."""
+CHAPTERS = {
+    "EH": "herkulex-drs-0602",
+    "ED": "dynamixel-rx-28",
+    "EL": "lewansoul-lx-16a",
+}
+"""Headings of decisions.md, as anchors."""
+
+
+def main(arguments: list[str]) -> int:
+    stale = []
+    for name, text in pages().items():
+        path = PAGES / name
+        if path.exists() and path.read_text(encoding="utf-8") == text:
+            continue
+        stale.append(f"docs/registers/{name}")
+        if "--check" not in arguments:
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(text, encoding="utf-8", newline="\n")
+            print(f"wrote {stale[-1]}")
+    if "--check" in arguments and stale:
+        print(f"not current: {', '.join(stale)}; run `python docs/generate.py`")
+        return 1
+    return 0
+
+
+def pages() -> dict[str, str]:
+    """Give every page: file name -> text."""
+    texts = {"README.md": index()}
+    texts |= {f"{key}.md": page(model) for key, model in MODELS.items()}
+    return texts
+
+
+# The index
+
+
+def index() -> str:
+    rows = [
+        (
+            f"[{model.title}]({key}.md)",
+            model.family.title,
+            model.sheet.maker,
+            _default(model.register("id")),
+            f"{model.family.default_baud} baud",
+            len(model.registers),
+        )
+        for key, model in MODELS.items()
+    ]
+    head = ("Model", "Protocol", "Maker", "Factory id", "Factory speed", "Registers")
+    return _join(
+        "# Registers",
+        _origin("src/servobus/models"),
+        "One page for each model: its specification, then every register.",
+        _table(head, rows),
+        "## How to read the tables",
+        """\
+**Where** is the place on the bus. Dynamixel: the address in the control table. HerkuleX: the address in
+EEP, which survives power-off, in RAM, which acts, or in both. LewanSoul: the commands that write and
+read it, and the byte among their parameters.""",
+        """\
+**Layout**: U8 and U16 are unsigned, S8 and S16 two's complement; "sign in bit 10" is a magnitude with the
+sign in that bit. Two bytes always come low byte first.""",
+        """\
+**Access**: r can be read, rw can be written too, - is reserved. EEPROM survives power-off, RAM does not.""",
+        """\
+**Factory** and **May be written** give the raw number first, then its meaning. **Step** is what one raw
+unit is worth. In Python values are SI (radians, seconds, volts, shares 0 .. 1) and °C; the pages show
+degrees and percent, as the command line does.""",
+        """\
+A number such as ED-08 names a place where the manuals disagree; [decisions](../decisions.md) tells what is
+in doubt and what servobus does. A number without the E, such as L-20, is a behaviour of the servo; the
+conformance test of that number checks it.""",
+    )
+
+
+# One model
+
+
+def page(model: type[Model]) -> str:
+    parts = [f"# {model.title}", _origin(f"src/servobus/models/{model.key()}.py"), _clean(model.__doc__ or "")]
+    parts += ["## Specification", _table(("", ""), list(_sheet(model)))]
+    parts += ["## Registers", _table(_HEAD, [_row(row) for row in model.registers.values()])]
+    parts += ["## Second names", "Either name works."]
+    parts += [_table(("Name", "Register"), [(f"`{alias}`", f"`{name}`") for alias, name in model.aliases.items()])]
+    parts += list(_codes(model))
+    return _join(*parts)
+
+
+def _sheet(model: type[Model]) -> Iterator[tuple[str, str]]:
+    """List the specification in the units that people use."""
+    sheet = model.sheet
+    yield "Maker", sheet.maker
+    yield "Protocol", f"{model.family.title}, family `{model.family.name}`"
+    yield "Model number", "cannot be asked" if model.number is None else f"{model.number} ({model.number:#06x})"
+    for at in sheet.performance:
+        torque = f"{at.stall_torque:.2f} N·m ({at.stall_torque / KGF_CM:.1f} kgf·cm)"
+        yield f"Stall torque at {at.voltage:g} V", torque
+        speed = f"{at.speed / deg:.0f}°/s ({at.speed / rpm:.1f} rpm, {60 * deg / at.speed:.3f} s for 60°)"
+        yield f"Speed without load at {at.voltage:g} V", speed
+    nominal = f", nominal {sheet.nominal_voltage:g} V" if sheet.nominal_voltage is not None else ""
+    yield "Supply", f"{sheet.voltage[0]:g} to {sheet.voltage[1]:g} V{nominal}"
+    yield "Angle", show(sheet.angle, "rad").replace(".0", "")
+    yield "Resolution", f"{sheet.resolution / deg:.3g}°"
+    if sheet.temperature is not None:
+        yield "Working temperature", f"{sheet.temperature[0]:g} to {sheet.temperature[1]:g} °C"
+    if sheet.standby_current is not None:
+        yield "Current at rest", f"{sheet.standby_current * 1000:g} mA"
+    if sheet.max_current is not None:
+        yield "Highest current", f"{sheet.max_current:g} A"
+    if sheet.gear_ratio is not None:
+        yield "Gear", f"1 : {sheet.gear_ratio:g}" + (f", {sheet.gear}" if sheet.gear else "")
+    if sheet.motor:
+        yield "Motor", sheet.motor
+    if sheet.weight is not None:
+        yield "Weight", f"{sheet.weight * 1000:g} g"
+    if sheet.size is not None:
+        yield "Size", " x ".join(f"{edge * 1000:.1f}" for edge in sheet.size) + " mm"
+    yield "Link", _linked(sheet.link)
+
+
+_HEAD = ("Register", "Where", "Layout", "Access", "Factory", "May be written", "Step", "Meaning")
+
+
+def _row(row: Register[Any]) -> tuple[str, ...]:
+    meaning = row.meaning + (f" ({_linked(row.note)})" if row.note else "")
+    kept = "EEPROM" if row.area is Area.EEPROM else "RAM"
+    access = f"{row.access.value}, {kept}"
+    return f"`{row.name}`", _where(row), _layout(row.layout), access, _default(row), _limits(row), _step(row), meaning
+
+
+def _where(row: Register[Any]) -> str:
+    match row.place:
+        case Address(address):
+            return str(address)
+        case Eep(address):
+            return f"EEP {address}"
+        case Ram(address):
+            return f"RAM {address}"
+        case EepRam(eep, ram):
+            return f"EEP {eep}, RAM {ram}"
+        case Pair(None, read, at):
+            return f"read {read:d}" + (f", byte {at}" if at else "")
+        case Pair(write, read, at):
+            return f"write {write:d}, read {read:d}" + (f", byte {at}" if at else "")
+
+
+def _layout(layout: Int) -> str:
+    if layout.sign_bit is not None:
+        return f"{layout.size} bytes, sign in bit {layout.sign_bit}"
+    return f"{'S' if layout.signed else 'U'}{8 * layout.size}"
+
+
+def _meaning(row: Register[Any], raw: int) -> str:
+    """Write what a raw value means; where the command line would round too much, in a smaller unit."""
+    value = row.decode(raw)
+    return f"{value * 1e6:g} µs" if row.unit == "s" and abs(value) < 1e-3 and value else str(row.show(value))
+
+
+def _say(row: Register[Any], raw: int) -> str:
+    """Write a raw value with what it means, if that says more."""
+    try:
+        meaning = _meaning(row, raw)
+    except ValueError:
+        return str(raw)
+    return str(raw) if meaning == str(raw) else f"{raw} = {meaning}"
+
+
+def _default(row: Register[Any]) -> str:
+    return "" if row.default is None else _say(row, row.default)
+
+
+def _limits(row: Register[Any]) -> str:
+    if row.access is not Access.READ_WRITE:
+        return ""
+    if row.allowed is not None:
+        return ", ".join(str(raw) for raw in row.allowed)
+    low, high = row.limits
+    if isinstance(row.scale, Choice | Flags | Switch):
+        return f"{low} .. {high}"
+    text = f"{low} .. {high}"
+    meaning = f"{_meaning(row, low)} .. {_meaning(row, high)}"
+    return text if meaning == text else f"{text} = {meaning}"
+
+
+def _step(row: Register[Any]) -> str:
+    """Tell what one raw unit is worth, or which table of names holds."""
+    match row.scale:
+        case Choice(options) | Flags(options):
+            return f"[{options.__name__}](#{options.__name__.lower()})"
+        case Switch(on):
+            return f"{on} is on"
+        case Divided() | Table():
+            return "[speed code](#bus-speeds)"
+    if not isinstance(row.scale, Quantity):
+        return f"1 {row.unit}" if row.unit else "1"
+    if row.unit == "s" and row.scale.step < 1e-4:
+        return _meaning(row, 1)
+    if row.unit in ("", "pwm per position unit"):
+        return f"1/{1 / row.scale.step:g} {row.unit}".strip()
+    value, symbol = shown(row.scale.step, row.unit)
+    return f"{value:.4g}{'' if symbol in ('', '°', '°/s') else ' '}{symbol}"
+
+
+def _codes(model: type[Model]) -> Iterator[str]:
+    """Write the names of bits, choices and speed codes that the registers use."""
+    users: dict[Any, list[str]] = {}
+    for row in model.registers.values():
+        if isinstance(row.scale, Choice | Flags):
+            users.setdefault(row.scale.options, []).append(f"`{row.name}`")
+    for options, names in users.items():
+        yield f"## {options.__name__}"
+        kind = "One of these" if issubclass(options, IntEnum) else "Any of these bits"
+        yield f"{kind}, in {', '.join(names)}. {_linked(_clean(options.__doc__ or ''))}"
+        rows = [(f"{option:d}", f"{option:#04x}", f"`{option.name.lower()}`") for option in options]
+        yield _table(("Raw", "Hex", "Name"), rows)
+    baud = model.registers.get(model.aliases.get("baud", "baud"))
+    if baud is None:
+        return
+    yield "## Bus speeds"
+    yield f"Codes of `{baud.name}` for the usual speeds."
+    codes = sorted((baud.encode(speed), speed) for speed in model.family.bauds)
+    rows = [(str(code), str(speed), f"{baud.decode(code)}") for code, speed in codes]
+    yield _table(("Code", "Speed, bit/s", "As the servo has it"), rows)
+
+
+# Markdown
+
+
+def _origin(source: str) -> str:
+    return f"<!-- Written by docs/generate.py from {source}; do not edit. -->"
+
+
+def _linked(text: str) -> str:
+    """Turn the numbers of decisions into links."""
+    return re.sub(r"\b(E[HDL])-\d\d\b", lambda match: f"[{match[0]}](../decisions.md#{CHAPTERS[match[1]]})", text)
+
+
+def _clean(text: str) -> str:
+    return "\n".join(line.strip() for line in text.strip().splitlines())
+
+
+def _table(head: tuple[str, ...], rows: list[Any]) -> str:
+    def line(cells: tuple[Any, ...]) -> str:
+        return "| " + " | ".join(str(cell).replace("|", r"\|") for cell in cells) + " |"
+
+    return "\n".join([line(head), line(("---",) * len(head)), *map(line, rows)])
+
+
+def _join(*parts: str) -> str:
+    return "\n\n".join(parts) + "\n"
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
