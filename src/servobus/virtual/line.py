@@ -1,0 +1,262 @@
+"""The wire between a client and virtual servos of one family, counted in bit times.
+
+A line has no clock of its own. The client says what it sends and when; `run(now)` lets everything up to
+now happen, in the order of time: bytes travel, servos hear packets, replies start after their delay and
+collide with what else is on the wire. How finely time is cut makes no difference to any byte.
+
+    half duplex (Dynamixel, LewanSoul)  one wire: everyone hears everyone, less himself
+    full duplex (HerkuleX)              servos hear only the client, the client hears only servos
+
+Two deliberate limits. A servo takes no other servo's reply for a request, even with its own id: firmware
+that did would keep two servos of one id answering each other's answers for ever, which nobody reports
+(assumption). And a client whose adapter gives no echo hears nothing while it sends, as its receiver is off.
+"""
+
+import bisect
+from collections.abc import Iterable, Sequence
+
+from servobus.errors import UsageError
+from servobus.framing import Corrupt, Decoder, Framing, Noise, Packet
+from servobus.protocols.base import BROADCAST
+from servobus.virtual.servo import VirtualServo
+from servobus.virtual.uart import BITS, EPSILON, Receiver, Run, Wave
+
+KEPT = 0.02
+"""s that bytes are kept after their end for receivers too slow to be through with them."""
+
+
+class VirtualLine:
+    """Servos of one family on one wire.
+
+    `echo` tells whether the client hears what it sends. `client_baud` is its speed in bit/s; None means
+    that it has none (TCP), is always understood and understands everything.
+    """
+
+    def __init__(self, servos: Iterable[VirtualServo], *, echo: bool = False) -> None:
+        self.servos = list(servos)
+        if not self.servos:
+            raise UsageError("a line needs at least one servo")
+        families = {type(servo.model.family): servo.model.family for servo in self.servos}
+        if len(families) > 1:
+            titles = " and ".join(family.title for family in families.values())
+            raise UsageError(f"one line carries one family, not {titles}")
+        self.family = self.servos[0].model.family
+        self.echo = echo
+        self.now = max(servo.time for servo in self.servos)
+        self._to_servos: list[Wave] = []
+        self._to_client: list[Wave] = []
+        self._client = Receiver(None, self.now)
+        self._client_busy_until = self.now
+        self._busy: dict[VirtualServo, float] = {}
+        """Servo -> time at which it has sent its last reply."""
+        self._arrived: list[Run] = []
+        self._groups: dict[tuple[float, float], _Group] = {}
+        self._group_of: dict[VirtualServo, _Group] = {}
+        self.regroup()
+
+    @property
+    def client_baud(self) -> float | None:
+        return self._client.baud
+
+    @client_baud.setter
+    def client_baud(self, baud: float | None) -> None:
+        self._client.baud = baud
+
+    # The client's side
+
+    def send(self, data: bytes, now: float) -> None:
+        """Let the client begin to send, behind what it is still sending."""
+        self.run(now)
+        if not data:
+            return
+        self.regroup()
+        baud = self.client_baud or self.servos[0].baud
+        start = max(now, self._client_busy_until)
+        wave = Wave(start, baud, bytes(data), None, plain=self.client_baud is None)
+        self._client_busy_until = wave.end
+        _put(self._to_servos, wave)
+        if self.echo:
+            _put(self._to_client, wave)
+        elif not self.family.full_duplex:
+            self._client.since = max(self._client.since, wave.end)
+
+    def receive(self, now: float) -> bytes:
+        """Give what the client has received whole by now and not been given yet."""
+        return b"".join(run.data for run in self.arrivals(now))
+
+    def arrivals(self, now: float) -> list[Run]:
+        """Give the same with its times."""
+        self.run(now)
+        arrived, self._arrived = self._arrived, []
+        return arrived
+
+    def next_event(self) -> float | None:
+        """Give the time of the next thing that happens by itself; None if all is quiet."""
+        times = [time for time, _, _ in self._due()]
+        arriving = self._client.next_run(self._to_client, 1)
+        if self._arrived:
+            times.append(self.now)
+        elif arriving:
+            times.append(arriving.end)
+        return min(times, default=None)
+
+    # Time
+
+    def run(self, now: float) -> None:
+        """Let everything up to now happen."""
+        while due := min(self._due(), key=_time_of, default=None):
+            time, group, run = due
+            if time > now + EPSILON:
+                break
+            self.now = max(self.now, time)
+            if run is None:
+                self._drop(group, time)
+            else:
+                self._hear(group, run)
+        while run := self._client.next_run(self._to_client, until=now):
+            self._client.since = run.resume
+            self._arrived.append(run)
+        self.now = max(self.now, now)
+        _forget(self._to_servos, [group.receiver for group in self._groups.values()], now)
+        _forget(self._to_client, [self._client], now)
+
+    def regroup(self) -> None:
+        """Sort the servos anew, after their id or speed was changed other than by packets."""
+        for servo in self.servos:
+            self._place(servo)
+
+    def _due(self) -> "list[tuple[float, _Group, Run | None]]":
+        """Give the next event of each group: a run of bytes, or a pause too long (None)."""
+        due: list[tuple[float, _Group, Run | None]] = []
+        for group in self._groups.values():
+            run = group.receiver.next_run(self._to_servos, group.decoder.missing)
+            gives_up = group.gives_up
+            if gives_up is not None and (run is None or gives_up < run.start - EPSILON):
+                due.append((gives_up, group, None))
+            elif run is not None:
+                due.append((run.end, group, run))
+        return due
+
+    # The servos' side
+
+    def _hear(self, group: "_Group", run: Run) -> None:
+        group.receiver.since = run.resume
+        group.last = run.end
+        events = group.decoder.feed(run.data)
+        if run.from_servo:
+            group.servo_bytes_end = group.decoder.position
+        for event in events:
+            if not isinstance(event, Noise):
+                self._dispatch(group, event, run.end)
+
+    def _dispatch(self, group: "_Group", event: Packet | Corrupt, time: float) -> None:
+        packet = event.packet if isinstance(event, Corrupt) else event
+        size = self.family.framing.overhead + len(packet.data)
+        if packet.end - size < group.servo_bytes_end:
+            return
+        begin = time - size * BITS / group.baud
+        for servo in group.called(packet.id):
+            if not servo.powered or servo.deaf_until > begin:
+                continue
+            baud = servo.baud  # a new speed acts after the reply
+            servo.advance(time)
+            for delay, data in servo.hear(event, time):
+                self._reply(servo, baud, time + delay, data)
+            self._place(servo)
+
+    def _reply(self, servo: VirtualServo, baud: float, time: float, data: bytes) -> None:
+        wave = Wave(max(time, self._busy.get(servo, time)), baud, data, servo)
+        self._busy[servo] = wave.end
+        _put(self._to_client, wave)
+        if not self.family.full_duplex:
+            _put(self._to_servos, wave)
+
+    def _drop(self, group: "_Group", time: float) -> None:
+        group.decoder.drop()
+        for servo in group.called(BROADCAST):
+            if servo.powered and servo.deaf_until <= time:
+                servo.advance(time)
+                servo.garbage(time)
+                self._place(servo)
+
+    def _place(self, servo: VirtualServo) -> None:
+        """Put a servo into the group that listens as it does."""
+        key = (servo.baud, servo.garbage_timeout)
+        old = self._group_of.get(servo)
+        if old is not None and old.key == key:
+            old.rename(servo)
+            return
+        if old is not None:
+            old.remove(servo)
+            if not old.ids:  # nobody is left who listens like this
+                del self._groups[old.key]
+        if key not in self._groups:
+            self._groups[key] = _Group(key, self.family.framing, self.now)
+        self._group_of[servo] = self._groups[key]
+        self._groups[key].add(servo)
+
+
+class _Ear(Decoder):
+    """A decoder that tells how far it is from its next event, so that it can be fed no further than that."""
+
+    @property
+    def missing(self) -> int:
+        """Bytes that must come before anything can be complete."""
+        size = self._framing.size(self._buffer, 0) if self._buffer else 0
+        return max(1, (size if size > 0 else self._framing.overhead) - len(self._buffer))
+
+
+class _Group:
+    """Servos that hear the same: one speed, one longest pause, and so one decoder for all of them."""
+
+    def __init__(self, key: tuple[float, float], framing: Framing, now: float) -> None:
+        self.key = key
+        self.baud, self._timeout = key
+        self.decoder = _Ear(framing)
+        self.receiver = Receiver(self.baud, now)
+        self.last = now
+        """Time at which the last byte was received."""
+        self.servo_bytes_end = 0
+        """Position in the decoder's stream behind the last byte that a servo sent."""
+        self.ids: dict[VirtualServo, int] = {}
+        self._by_id: dict[int, list[VirtualServo]] = {}
+
+    @property
+    def gives_up(self) -> float | None:
+        """Time at which an incomplete packet is dropped: a pause longer than the longest."""
+        return self.last + self._timeout + 2 * EPSILON if self.decoder.pending else None
+
+    def called(self, id: int) -> list[VirtualServo]:
+        """Give the servos that listen to an id."""
+        return list(self.ids) if id == BROADCAST else list(self._by_id.get(id, ()))
+
+    def add(self, servo: VirtualServo) -> None:
+        self.ids[servo] = servo.id
+        self._by_id.setdefault(servo.id, []).append(servo)
+
+    def remove(self, servo: VirtualServo) -> None:
+        self._by_id[self.ids.pop(servo)].remove(servo)
+
+    def rename(self, servo: VirtualServo) -> None:
+        if self.ids[servo] != servo.id:
+            self.remove(servo)
+            self.add(servo)
+
+
+def _put(waves: list[Wave], wave: Wave) -> None:
+    bisect.insort(waves, wave, key=_start_of)
+
+
+def _forget(waves: list[Wave], receivers: Sequence[Receiver], now: float) -> None:
+    """Drop what every receiver is through with."""
+    if waves:
+        done = min(receiver.since for receiver in receivers)
+        waves[:] = [wave for wave in waves if wave.end > done + EPSILON and wave.end > now - KEPT]
+
+
+def _start_of(wave: Wave) -> float:
+    return wave.start
+
+
+def _time_of(due: tuple[float, _Group, Run | None]) -> float:
+    return due[0]

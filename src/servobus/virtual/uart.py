@@ -1,0 +1,159 @@
+"""What a serial receiver makes of what is on the wire.
+
+A line carries levels, not bytes: high while idle, and for each byte a low start bit, eight data bits with
+the lowest first, and a high stop bit (8N1, as all three families use). Senders that talk at once pull the
+line low together: the wire is the AND of what they send. A receiver waits for a falling edge and looks at
+the line in the middle of each bit, at its own speed. What it makes of bytes sent at another speed, or by
+two senders at once, follows from that and is the same every time.
+"""
+
+import heapq
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+BITS = 10
+"""Bits of a byte on the wire, start and stop bit included."""
+TOLERANCE = 0.03
+"""Speeds that differ by no more than this understand each other (RX-28 manual 3-4-1)."""
+EPSILON = 1e-9
+"""s; a thousandth of a bit at 1 Mbit/s: times that differ by less are the same."""
+
+
+def understands(heard: float, sent: float) -> bool:
+    """Tell whether a receiver at one speed takes bytes sent at the other for what they are."""
+    return abs(heard / sent - 1) <= TOLERANCE + EPSILON
+
+
+def distort(data: bytes, sent: float, heard: float) -> bytes:
+    """Give the bytes that a receiver at speed `heard` makes of bytes sent back to back at speed `sent`."""
+    receiver = Receiver(heard, 0.0)
+    waves = [Wave(0.0, sent, data)]
+    out = b""
+    while run := receiver.next_run(waves):
+        receiver.since = run.resume
+        out += run.data
+    return out
+
+
+@dataclass(slots=True)
+class Wave:
+    """Bytes that one sender puts on the wire back to back.
+
+    `plain` is for clients whose speed is unknown (TCP): every receiver understands these bytes.
+    """
+
+    start: float
+    """s"""
+    baud: float
+    data: bytes
+    sender: object = None
+    """The servo that sends; None for the client."""
+    plain: bool = False
+    end: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.end = self.time(len(self.data))
+
+    def time(self, count: int) -> float:
+        """Give the time at which this many bytes are sent."""
+        return self.start + count * BITS / self.baud
+
+    def complete(self, until: float) -> int:
+        """Count the bytes that are sent whole by then."""
+        count = math.floor((until - self.start + EPSILON) * self.baud / BITS) if until < self.end else len(self.data)
+        return max(0, min(count, len(self.data)))
+
+    def byte_at(self, since: float) -> int | None:
+        """Give the index of the next byte for a receiver that waits for a start bit since then.
+
+        None if the receiver is out of step: it began to wait in the middle of a byte.
+        """
+        behind = (since - self.start) * self.baud / BITS
+        if behind <= 0:
+            return 0
+        index = math.ceil(behind - 1e-6)
+        # The stop bit, the last tenth of a byte, is as high as an idle line.
+        return index if index - behind <= 1 / BITS + 1e-6 else None
+
+    def bit(self, index: int) -> int:
+        """Give the level during one bit, counted from the first start bit."""
+        byte, place = divmod(index, BITS)
+        if index < 0 or byte >= len(self.data) or place == BITS - 1:
+            return 1
+        return self.data[byte] >> place - 1 & 1 if place else 0
+
+    def level(self, time: float) -> int:
+        return self.bit(math.floor((time - self.start) * self.baud))
+
+    def falling_edges(self, since: float) -> Iterator[float]:
+        first = max(0, math.ceil((since - self.start) * self.baud - 1e-6))
+        for index in range(first, BITS * len(self.data)):
+            if not self.bit(index) and self.bit(index - 1):
+                yield self.start + index / self.baud
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Bytes received back to back; `resume` is when the receiver waits for the next start bit."""
+
+    data: bytes
+    start: float
+    end: float
+    resume: float
+    from_servo: bool
+    """Whether any of it was sent by a servo."""
+
+
+class Receiver:
+    """A UART that listens. `baud` None understands every speed."""
+
+    def __init__(self, baud: float | None, since: float) -> None:
+        self.baud = baud
+        self.since = since
+        """Time from which it waits for a start bit: all before is received."""
+
+    def next_run(self, waves: Sequence[Wave], limit: int | None = None, until: float = math.inf) -> Run | None:
+        """Give the next bytes, without taking them: set `since` to the run's `resume` for that.
+
+        `waves` are in the order of their start. At most `limit` bytes, complete by `until`, are given. The
+        result holds as long as no wave that starts before its end is added.
+        """
+        active = [wave for wave in waves if wave.end > self.since + EPSILON]
+        while active and active[0].byte_at(self.since) == len(active[0].data):
+            del active[0]  # only its last stop bit is left
+        if not active:
+            return None
+        wave = active[0]
+        alone_until = active[1].start if len(active) > 1 else math.inf
+        index = wave.byte_at(self.since) if self._understands(wave) else None
+        if index is not None:
+            stop = wave.complete(min(until, alone_until))
+            if limit is not None:
+                stop = min(stop, index + limit)
+            if stop > index:
+                end = wave.time(stop)
+                return Run(wave.data[index:stop], wave.time(index), end, end, wave.sender is not None)
+            if until <= alone_until:
+                return None
+        return self._sample(active, until)
+
+    def _understands(self, wave: Wave) -> bool:
+        return wave.plain or self.baud is None or understands(self.baud, wave.baud)
+
+    def _sample(self, waves: Sequence[Wave], until: float) -> Run | None:
+        """Read one byte off the levels of the wire."""
+        baud = self.baud or waves[0].baud
+        for start in heapq.merge(*(wave.falling_edges(self.since) for wave in waves)):
+            if all(wave.level(start - EPSILON) for wave in waves):
+                break
+        else:
+            return None
+        end = start + BITS / baud
+        if end > until + EPSILON:
+            return None
+        # Data bits are looked at in their middle; a stop bit that is low is not noticed.
+        bits = [all(wave.level(start + (place + 1.5) / baud) for wave in waves) for place in range(8)]
+        byte = sum(bit << place for place, bit in enumerate(bits))
+        servo = any(wave.sender is not None and wave.start < end and wave.end > start for wave in waves)
+        return Run(bytes((byte,)), start, end, start + (BITS - 0.5) / baud, servo)
