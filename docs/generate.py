@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from servobus import MODELS
-from servobus.protocols.base import Model
+from servobus.families.base import Model
 from servobus.registers import Access, Address, Area, Eep, EepRam, Int, Pair, Ram, Register
 from servobus.units import Choice, Divided, Flags, Quantity, Switch, Table, deg, rpm, show, shown
 

@@ -17,9 +17,9 @@ from typing import Any, Self, TypeVar
 from servobus.driver import Driver
 from servobus.errors import BusError
 from servobus.exchange import Exchange, Job, Pause, Procedure, SetBaud, Step
+from servobus.families.base import Target
 from servobus.operation import Blocking
 from servobus.procedures import Course
-from servobus.protocols.base import Target
 from servobus.servo import Servo
 
 T = TypeVar("T")

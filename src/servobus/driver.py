@@ -10,9 +10,10 @@ from typing import Any, Generic, TypeVar
 from servobus import models, procedures
 from servobus.errors import BusError, UnknownName
 from servobus.exchange import Collector, Exchange, Procedure, SetBaud
+from servobus.families.base import Answers, Family, Model, Target
 from servobus.operation import Operation
 from servobus.procedures import Course, Found, Survey, Watcher
-from servobus.protocols.base import LAST_ID, Answers, Family, Model, Target, check_id
+from servobus.protocols.ids import LAST_ID, check_id
 from servobus.servo import Servo
 from servobus.transports.base import Transport
 
@@ -38,7 +39,7 @@ class Driver(ABC, Generic[S]):
         """What the last scan saw, what made no sense included."""
         self._servos: list[S] = []
         self._clear_at = 0.0
-        """Time at which the wire is free of our bytes and the servos listen again."""
+        """Time at which the last of our bytes has left."""
 
     # The servos known here
 
@@ -208,7 +209,7 @@ class Driver(ABC, Generic[S]):
         transport.write(exchange.request)
         byte_time = BITS_PER_BYTE / transport.baud
         leaves = max(transport.now(), self._clear_at) + len(exchange.request) * byte_time
-        self._clear_at = leaves + exchange.settle
+        self._clear_at = leaves
         patience = transport.latency
         if exchange.reply is not None:
             patience += exchange.turnaround + exchange.reply_size * byte_time

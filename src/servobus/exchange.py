@@ -51,7 +51,6 @@ class Exchange(Generic[T]):
     reply       the shape of the answer; None where the servo stays silent
     alarms      reads the alarm bits that stand beside the data in the packet
     turnaround  longest time in seconds between the request's last bit and the reply's first
-    settle      seconds after which the servo listens again (it reboots, it writes its EEPROM)
     repeatable  whether sending it twice does the same as sending it once
     """
 
@@ -62,7 +61,6 @@ class Exchange(Generic[T]):
     reply: Reply | None = None
     alarms: Callable[[Packet], int] | None = None
     turnaround: float = 0.0
-    settle: float = 0.0
     repeatable: bool = False
 
     @property

@@ -109,7 +109,7 @@ class Decoder:
         self._buffer += chunk
         events: list[Event] = []
         self._scan(events)
-        if not self._buffer:
+        if not self._buffer or len(self._noise) > self._framing.max_size:
             self._end_noise(events)
         return events
 

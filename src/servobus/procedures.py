@@ -8,7 +8,8 @@ from typing import Any
 from servobus import models
 from servobus.errors import BadValue, BusError, MoveTimeout, NoReply, TorqueOff, UsageError
 from servobus.exchange import Pause, Procedure, SetBaud, ask
-from servobus.protocols.base import LAST_ID, Family, Identity, Leg, Model, Target, check_id
+from servobus.families.base import Family, Identity, Leg, Model, Target
+from servobus.protocols.ids import LAST_ID, check_id
 from servobus.registers import Area, Register
 from servobus.units import deg, show
 
@@ -45,7 +46,7 @@ def look(target: Target) -> Procedure[State]:
     rows = [target.model.register(name) for name in names]
     raw = yield from target.model.family.read(target, rows)
     position, voltage, temperature, _ = (row.decode(value) for row, value in zip(rows, raw, strict=True))
-    return State(position, voltage, temperature, bool(raw[3]))
+    return State(position, voltage, temperature, target.model.family.torque_on(raw[3]))
 
 
 # Moving

@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 from servobus import procedures
 from servobus.errors import UsageError
 from servobus.exchange import Job, Procedure
+from servobus.families.base import Answers, Family, Model, Target
 from servobus.operation import Operation
 from servobus.procedures import Backup, Course, State
-from servobus.protocols.base import Answers, Family, Model, Target
 from servobus.registers import Register
 from servobus.units import Flags
 
@@ -146,16 +146,15 @@ class Servo:
 
     @Operation
     def reboot(self) -> Procedure[None]:
-        """Restart the servo."""
-        return self.family.reboot(self.target)
+        """Restart the servo: RAM registers get their start values, torque goes off."""
+        yield from self.family.reboot(self.target)
+        yield from self._meet_again(self.id)
 
     @Operation
     def reset(self, *, keep: frozenset[str] = frozenset()) -> Procedure[None]:
         """Restore factory settings, less what is kept ("id", "baud", "calibration")."""
         id, self.baud = yield from self.family.reset(self.target, keep)
-        # The answer policy is a factory setting too.
-        identity = yield from procedures.identify_at(self.family, id, self.baud)
-        self.target = Target(id, self.model, identity.answers)
+        yield from self._meet_again(id)
 
     @Operation
     def change_id(self, id: int) -> Procedure[None]:
@@ -168,6 +167,7 @@ class Servo:
         """Set the servo to another speed and check that it answers there."""
         yield from procedures.change_baud(self.target, self.baud, baud)
         self.baud = baud
+        yield from self._meet_again(self.id)
 
     @Operation
     def backup(self) -> Procedure[Backup]:
@@ -200,6 +200,11 @@ class Servo:
 
     def __repr__(self) -> str:
         return f"<{self}>"
+
+    def _meet_again(self, id: int) -> Procedure[None]:
+        """Learn by what policy the servo answers now that it may have restarted."""
+        identity = yield from procedures.identify_at(self.family, id, self.baud)
+        self.target = Target(id, self.model, identity.answers)
 
     def _own(self, register: Register[T]) -> Register[T]:
         if self.model.registers.get(register.name) is not register:

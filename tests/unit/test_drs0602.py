@@ -3,8 +3,8 @@
 import pytest
 
 from servobus.errors import BadValue
+from servobus.families.base import Answers
 from servobus.models.drs0602 import DRS0602
-from servobus.protocols.base import Answers
 from servobus.protocols.herkulex import Led, StatusError, TorqueControl
 from servobus.registers import Access, Area, Eep, EepRam, Int, Ram
 from servobus.units import deg

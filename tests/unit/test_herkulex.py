@@ -7,10 +7,10 @@ import pytest
 
 from servobus.errors import BadValue, NoReply, Refused, UsageError, WrongReply
 from servobus.exchange import Collector, Exchange, Pause, Procedure
+from servobus.families.base import Answers, Identity, Leg, Target
 from servobus.framing import Corrupt, Decoder, Noise, Packet
 from servobus.models.drs0602 import DRS0602
 from servobus.protocols import herkulex
-from servobus.protocols.base import Answers, Identity, Leg, Target
 from servobus.protocols.herkulex import (
     BOOT_TIME,
     EEP_TIME,

@@ -7,14 +7,14 @@ import pytest
 
 from servobus.errors import BadValue, NoReply, UsageError
 from servobus.exchange import Collector, Exchange, Job, Pause, ask
+from servobus.families.base import Answers, Leg, Target
+from servobus.families.lewansoul import Lewansoul
 from servobus.framing import INCOMPLETE, NOT_A_FRAME, Corrupt, Noise, Packet
 from servobus.models.lx16a import LX16A
-from servobus.protocols.base import Answers, Leg, Target
 from servobus.protocols.lewansoul import (
     FRAMING,
     Answer,
     Command,
-    Lewansoul,
     Mode,
     Request,
     angle_offset_adjust,

@@ -3,10 +3,10 @@
 import difflib
 
 from servobus.errors import UnknownName
+from servobus.families.base import Family, Model
 from servobus.models.drs0602 import DRS0602
 from servobus.models.lx16a import LX16A
 from servobus.models.rx28 import RX28
-from servobus.protocols.base import Family, Model
 
 MODELS: dict[str, type[Model]] = {model.key(): model for model in (RX28, DRS0602, LX16A)}
 """key -> model: "rx28", "drs0602", "lx16a"."""

@@ -1,13 +1,13 @@
 """DRS-0602. Source: DRS-0602 user's manual, sections 2-3 (specification) and 4-2 (register map, NO 1 to 60)."""
 
-from servobus.protocols.base import Answers, Model, Performance, SpecSheet
+from servobus.families.base import Answers, Model, Performance, SpecSheet
+from servobus.families.herkulex import Herkulex
 from servobus.protocols.herkulex import (
     BAUD,
     JOG_SPEED,
     TICK,
     Aux,
     ControlMode,
-    Herkulex,
     Led,
     StatusDetail,
     StatusError,
@@ -113,9 +113,7 @@ class DRS0602(Model):
         default=45,
         limits=PERIOD,
     )
-    dead_zone = Register(
-        EepRam(16, 10), U8, steps, "position error without output", default=0, limits=(0, 254)
-    )
+    dead_zone = Register(EepRam(16, 10), U8, steps, "position error without output", default=0, limits=(0, 254))
     saturator_offset = Register(
         EepRam(17, 11), U8, share, "output allowed by the saturator at the goal", default=0, limits=(0, 254)
     )
@@ -140,9 +138,7 @@ class DRS0602(Model):
     )  # fmt: skip
     position_kp = Register(EepRam(30, 24), U16, eighths, "position control, P gain", default=70, limits=GAIN)
     position_kd = Register(EepRam(32, 26), U16, eighths, "position control, D gain", default=0, limits=GAIN)
-    position_ki = Register(
-        EepRam(34, 28), U16, sixteenths, "position control, I gain", default=0, limits=GAIN
-    )
+    position_ki = Register(EepRam(34, 28), U16, sixteenths, "position control, I gain", default=0, limits=GAIN)
     position_feedforward_1st_gain = Register(
         EepRam(36, 30),
         U16,
@@ -163,9 +159,7 @@ class DRS0602(Model):
         EepRam(42, 36), U16, sixteenths, "speed control, I gain", default=12000, limits=GAIN,
         note="EH-19: printed 0x02EE0, access not printed; the maker's PC tool writes it",
     )  # fmt: skip
-    led_blink_period = Register(
-        EepRam(44, 38), U8, ticks, "period of the alarm light", default=45, limits=PERIOD
-    )
+    led_blink_period = Register(EepRam(44, 38), U8, ticks, "period of the alarm light", default=45, limits=PERIOD)
     adc_fault_check_period = Register(
         EepRam(45, 39), U8, ticks, "time a wrong voltage or temperature must last to be an error",
         default=45, limits=PERIOD,

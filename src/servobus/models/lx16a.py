@@ -3,8 +3,9 @@
 What the protocol keeps in pairs of commands stands here as registers; the servo has no table of its own.
 """
 
-from servobus.protocols.base import Model, Performance, SpecSheet
-from servobus.protocols.lewansoul import FULL_OUTPUT, Alarm, Command, Lewansoul, Mode
+from servobus.families.base import Model, Performance, SpecSheet
+from servobus.families.lewansoul import Lewansoul
+from servobus.protocols.lewansoul import FULL_OUTPUT, Alarm, Command, Mode
 from servobus.registers import S8, S16, U8, U16, Access, Area, Pair, Register
 from servobus.units import Choice, Count, Flags, Quantity, Switch, deg, ms
 

@@ -1,7 +1,8 @@
 """RX-28. Source: RX-28 user's manual, section 3-4 (control table) and 1-3 (specification)."""
 
-from servobus.protocols.base import Model, Performance, SpecSheet
-from servobus.protocols.dynamixel1 import BAUD, Dynamixel1, Error
+from servobus.families.base import Model, Performance, SpecSheet
+from servobus.families.dynamixel1 import Dynamixel1
+from servobus.protocols.dynamixel1 import BAUD, Error
 from servobus.registers import U8, U16, Access, Address, Area, Int, Register
 from servobus.units import Count, Flags, Quantity, Switch, deg, rpm
 

@@ -12,29 +12,17 @@ Every servo has two register maps. EEP survives power-off and is copied to RAM w
 what acts. A JOG, the command that moves, sets the lights as well: without colours in it they go out (6-5).
 """
 
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
-from typing import Any, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
-from servobus.errors import BadValue, NoReply, Refused, UsageError, WrongReply
-from servobus.exchange import Exchange, Pause, Procedure, Reply, ask, sent
+from servobus.errors import BadValue, Refused, WrongReply
+from servobus.exchange import Exchange, Reply, sent
 from servobus.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
-from servobus.protocols.base import (
-    BROADCAST,
-    Answers,
-    Family,
-    Identity,
-    Leg,
-    Stance,
-    Target,
-    blocks,
-    cannot,
-    check_id,
-)
-from servobus.registers import Area, Eep, EepRam, Int, Ram, Register
-from servobus.units import Flags, Quantity, Table, deg, ms, show
+from servobus.protocols.ids import BROADCAST, check_id
+from servobus.registers import Int
+from servobus.units import Flags, Quantity, Table, deg, ms
 
 T = TypeVar("T")
 
@@ -287,7 +275,7 @@ _CODES: dict[type, Code] = {
     Rollback: Code.ROLLBACK,
     Reboot: Code.REBOOT,
 }
-_POSITION, _SPEED = Int(2), Int(2, sign_bit=14)
+POSITION_LAYOUT, SPEED_LAYOUT = Int(2), Int(2, sign_bit=14)
 _STOP, _TURN, _INVALID, _NO_OVERRIDE, _LED_SHIFT = 0x01, 0x02, 0x20, 0x40, 2
 """Bits of SET (6-6)."""
 
@@ -306,15 +294,15 @@ def encode(message: Request | Ack) -> bytes:
         case Ack(id, code, data, error, detail):
             return FRAMING.frame(Packet(id, code | ACK, data + bytes((error, detail))))
         case EepRead(_, address, length) | RamRead(_, address, length):
-            data = bytes((_within("address", address, 0, 255), _within("length", length, 0, 255)))
+            data = bytes((within("address", address, 0, 255), within("length", length, 0, 255)))
         case EepWrite(_, address, written) | RamWrite(_, address, written):
-            length = _within("length", len(written), 0, MAX_DATA - 2)
-            data = bytes((_within("address", address, 0, 255), length)) + written
+            length = within("length", len(written), 0, MAX_DATA - 2)
+            data = bytes((within("address", address, 0, 255), length)) + written
         case IJog(_, jogs):
-            _within("number of servos in one I_JOG", len(jogs), 1, MOST_I_JOG)
+            within("number of servos in one I_JOG", len(jogs), 1, MOST_I_JOG)
             data = b"".join(_pack_jog(jog) + _pack_playtime(jog.playtime) for jog in jogs)
         case SJog(_, playtime, jogs):
-            _within("number of servos in one S_JOG", len(jogs), 1, MOST_S_JOG)
+            within("number of servos in one S_JOG", len(jogs), 1, MOST_S_JOG)
             if any(jog.playtime for jog in jogs):
                 raise BadValue("S_JOG has one playtime for all servos; I_JOG has one for each")
             data = _pack_playtime(playtime) + b"".join(_pack_jog(jog) for jog in jogs)
@@ -322,7 +310,7 @@ def encode(message: Request | Ack) -> bytes:
             data = int(keep).to_bytes(2, "little")
         case _:
             data = b""
-    return FRAMING.frame(Packet(_within("id", message.id, 0, BROADCAST), _CODES[type(message)], data))
+    return FRAMING.frame(Packet(within("id", message.id, 0, BROADCAST), _CODES[type(message)], data))
 
 
 def parse_request(packet: Packet) -> Request:
@@ -361,11 +349,11 @@ def _code(value: int) -> Code:
 
 def _pack_jog(jog: Jog) -> bytes:
     if jog.mode is ControlMode.POSITION:
-        value = _POSITION.pack(_within("position", jog.value, 0, 0x7FFF))
+        value = POSITION_LAYOUT.pack(within("position", jog.value, 0, 0x7FFF))
     else:
-        value = _SPEED.pack(_within("speed", jog.value, *_SPEED.range))
+        value = SPEED_LAYOUT.pack(within("speed", jog.value, *SPEED_LAYOUT.range))
     flags = jog.mode * _TURN | jog.stop * _STOP | jog.invalid * _INVALID | jog.no_override * _NO_OVERRIDE
-    return value + bytes((flags | jog.led << _LED_SHIFT, _within("id", jog.id, 0, BROADCAST)))
+    return value + bytes((flags | jog.led << _LED_SHIFT, within("id", jog.id, 0, BROADCAST)))
 
 
 def _unpack_jog(data: bytes, playtime: int = 0) -> Jog:
@@ -374,7 +362,7 @@ def _unpack_jog(data: bytes, playtime: int = 0) -> Jog:
     mode = ControlMode.INFINITE_TURN if flags & _TURN else ControlMode.POSITION
     return Jog(
         id=data[3],
-        value=_SPEED.unpack(data[:2]) if mode else _POSITION.unpack(data[:2]) & 0x7FFF,
+        value=SPEED_LAYOUT.unpack(data[:2]) if mode else POSITION_LAYOUT.unpack(data[:2]) & 0x7FFF,
         mode=mode,
         led=Led(flags >> _LED_SHIFT & 7),
         playtime=playtime,
@@ -385,10 +373,10 @@ def _unpack_jog(data: bytes, playtime: int = 0) -> Jog:
 
 
 def _pack_playtime(value: int) -> bytes:
-    return bytes((_within("playtime", value, 0, LONGEST_PLAYTIME),))
+    return bytes((within("playtime", value, 0, LONGEST_PLAYTIME),))
 
 
-def _within(name: str, value: int, low: int, high: int) -> int:
+def within(name: str, value: int, low: int, high: int) -> int:
     if not low <= value <= high:
         raise BadValue(f"{name} {value} is not in {low} .. {high}")
     return value
@@ -408,7 +396,7 @@ def eep_write(id: int, address: int, data: bytes, *, answered: bool = False) -> 
 
 def eep_read(id: int, address: int, length: int) -> Exchange[bytes]:
     """EEP_READ (6-1). Raises Refused if the ACK brings no data."""
-    return _reading(EepRead(check_id(id), address, _within("length", length, 1, MAX_DATA - 4)))
+    return _reading(EepRead(check_id(id), address, within("length", length, 1, MAX_DATA - 4)))
 
 
 def ram_write(id: int, address: int, data: bytes, *, answered: bool = False) -> Exchange[None]:
@@ -419,7 +407,7 @@ def ram_write(id: int, address: int, data: bytes, *, answered: bool = False) -> 
 
 def ram_read(id: int, address: int, length: int) -> Exchange[bytes]:
     """RAM_READ (6-4). Raises Refused if the ACK brings no data."""
-    return _reading(RamRead(check_id(id), address, _within("length", length, 1, MAX_DATA - 4)))
+    return _reading(RamRead(check_id(id), address, within("length", length, 1, MAX_DATA - 4)))
 
 
 def i_jog(id: int, jogs: Iterable[Jog], *, answered: bool = False) -> Exchange[None]:
@@ -437,7 +425,7 @@ def s_jog(id: int, playtime: int, jogs: Iterable[Jog], *, answered: bool = False
 def stat(id: int) -> Exchange[Ack]:
     """STAT: the two status bytes, answered under every ACK Policy and to id 254 too (6-7, 4-2 NO 8)."""
     reply = Reply(None if id == BROADCAST else id, Code.STAT | ACK, (2,))
-    return _exchange(f"STAT id {id}", Stat(id), parse_ack, reply)
+    return exchange(f"STAT id {id}", Stat(id), parse_ack, reply)
 
 
 def rollback(id: int, keep: Keep = Keep.NOTHING, *, answered: bool = False) -> Exchange[None]:
@@ -450,7 +438,7 @@ def reboot(id: int, *, answered: bool = False) -> Exchange[None]:
     return _command(f"REBOOT id {id}", Reboot(id), answered, repeatable=False)
 
 
-def _exchange(
+def exchange(
     what: str, message: Request, interpret: Callable[[Packet], T], reply: Reply | None, *, repeatable: bool = True
 ) -> Exchange[T]:
     return Exchange(
@@ -461,7 +449,7 @@ def _exchange(
 def _command(what: str, message: Request, answered: bool, *, repeatable: bool = True) -> Exchange[None]:
     # A JOG is answered by the servo in its header, not by those in its list (H-89).
     reply = Reply(message.id, _CODES[type(message)] | ACK, (2,)) if answered and message.id != BROADCAST else None
-    return _exchange(what, message, sent, reply, repeatable=repeatable)
+    return exchange(what, message, sent, reply, repeatable=repeatable)
 
 
 def _reading(message: EepRead | RamRead) -> Exchange[bytes]:
@@ -471,294 +459,19 @@ def _reading(message: EepRead | RamRead) -> Exchange[bytes]:
     def interpret(packet: Packet) -> bytes:
         ack = parse_ack(packet)
         if not ack.data:
-            said = f"{_show(ack.status_error)}; {_show(ack.status_detail)}"
+            said = f"{show_flags(ack.status_error)}; {show_flags(ack.status_detail)}"
             raise Refused(f"{what}: refused, {said}", ack.status_error)
         if ack.data[:2] != bytes((address, length)):
             raise WrongReply(f"{what}: {ack.data[1]} bytes from address {ack.data[0]} came back", packet.data)
         return ack.data[2:]
 
     # Address and length come back before the data. A refusal brings the status alone (assumption, EH-33).
-    return _exchange(what, message, interpret, Reply(message.id, code | ACK, (length + 4, 2)))
+    return exchange(what, message, interpret, Reply(message.id, code | ACK, (length + 4, 2)))
 
 
 def _alarms(packet: Packet) -> StatusError:
     return StatusError(packet.data[-2])
 
 
-def _show(flags: IntFlag) -> str:
+def show_flags(flags: IntFlag) -> str:
     return Flags(type(flags)).show(flags)
-
-
-# The shared verbs
-
-_COLOURS = {
-    "off": Led.OFF, "on": Led.GREEN | Led.BLUE | Led.RED, "white": Led.GREEN | Led.BLUE | Led.RED,
-    "green": Led.GREEN, "blue": Led.BLUE, "red": Led.RED,
-    "cyan": Led.GREEN | Led.BLUE, "magenta": Led.BLUE | Led.RED, "yellow": Led.GREEN | Led.RED,
-}  # fmt: skip
-_KEEPS = {"id": Keep.ID, "baud": Keep.BAUD, "calibration": Keep.CALIBRATION}
-_TURN_PLAYTIME = 60
-"""Playtime in the manual's example of infinite turn (6-5); what it does there is not said (EH-40)."""
-
-
-class Herkulex(Family):
-    name = "herkulex"
-    title = "HerkuleX"
-    framing = FRAMING
-    default_baud = 115_200
-    bauds = tuple(BAUD.codes.values())
-    full_duplex = True
-    max_move_time = LONGEST_PLAYTIME * TICK
-
-    def ping(self, id: int) -> Exchange[None]:
-        """STAT: the one request that is always answered."""
-        return _exchange(f"STAT id {id}", Stat(check_id(id)), sent, Reply(id, Code.STAT | ACK, (2,)))
-
-    def identify(self, id: int) -> Procedure[Identity]:
-        """Read model, version and ACK Policy; a servo with policy 0 answers STAT alone (H-25)."""
-        try:
-            model = yield from ask(eep_read(id, 0, 4))
-            policy = yield from ask(ram_read(id, ACK_POLICY, 1))
-        except NoReply:
-            yield from ask(stat(id))
-            return Identity(None, "", Answers.NOTHING)
-        # Version bytes 00 90 read as "0.90": an assumption, the manual does not say how they are written.
-        return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", Answers(min(policy[0], 2)))
-
-    def read(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
-        """Read from RAM what RAM has, the rest from EEP."""
-        return (yield from _fetch(target, registers, [_acting(row) for row in registers]))
-
-    def read_stored(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
-        """Read from EEP what EEP has, the rest from RAM."""
-        return (yield from _fetch(target, registers, [_kept(row) or _acting(row) for row in registers]))
-
-    def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Write to RAM what RAM has, the rest to EEP, where it acts after the next start."""
-        yield from _send(target, [(_acting(row), row.layout.pack(raw)) for row, raw in values.items()])
-
-    def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Write to EEP, and to RAM what RAM has too: it acts now and survives power-off.
-
-        What RAM does not have (Baud Rate) acts after the next start.
-        """
-        parts = []
-        for row, raw in values.items():
-            kept = _kept(row)
-            if kept is None:
-                raise UsageError(f"{row.model} {row.name} lives in RAM and is lost at power-off")
-            parts += [(spot, row.layout.pack(raw)) for spot in (kept, _acting(row))]
-        yield from _send(target, parts)
-
-    def stance(self, target: Target) -> Procedure[Stance]:
-        names = ("calibrated_position", "torque_control", "min_position", "max_position", "current_control_mode")
-        rows = [target.model.register(name) for name in names]
-        position, torque, low, high, mode = yield from self.read(target, rows)
-        on = torque == TorqueControl.ON
-        return Stance(rows[0].decode(position), on, low, high, turning=mode == ControlMode.INFINITE_TURN)
-
-    def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
-        """I_JOG for one servo; for several S_JOG if they take equally long, else I_JOG. The lights go out."""
-        playtimes = [_playtime(leg) for leg in legs]
-        if len(legs) == 1:
-            yield from _jog(legs[0].target, Jog(legs[0].target.id, legs[0].goal, playtime=playtimes[0]))
-        elif len(set(playtimes)) == 1:
-            jogs = [Jog(leg.target.id, leg.goal) for leg in legs]
-            for i in range(0, len(jogs), MOST_S_JOG):
-                yield from ask(s_jog(BROADCAST, playtimes[0], jogs[i : i + MOST_S_JOG]))
-        else:
-            jogs = [Jog(leg.target.id, leg.goal, playtime=time) for leg, time in zip(legs, playtimes, strict=True)]
-            for i in range(0, len(jogs), MOST_I_JOG):
-                yield from ask(i_jog(BROADCAST, jogs[i : i + MOST_I_JOG]))
-
-    def moving(self, target: Target) -> Procedure[bool]:
-        ack = yield from ask(stat(target.id))
-        return StatusDetail.MOVING in ack.status_detail
-
-    def stop(self, target: Target) -> Procedure[None]:
-        """Send a JOG with the stop flag; beside it speed 0 or the present position, in case they count (H-82)."""
-        stance = yield from self.stance(target)
-        if stance.turning:
-            yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
-        else:
-            yield from _jog(target, Jog(target.id, _nearest(target, stance), stop=True))
-
-    def torque(self, target: Target, on: bool) -> Procedure[None]:
-        """Switch torque. The servo itself takes the present position as its goal (H-51).
-
-        Raises Refused if the torque stays off: while an error of its Torque Policy stands the servo does not
-        switch it on (H-53), and does not say so.
-        """
-        state = TorqueControl.ON if on else TorqueControl.FREE
-        yield from self.write(target, {target.model.register("torque_control"): state})
-        if on:
-            ack = yield from ask(stat(target.id))
-            if ack.status_error and StatusDetail.TORQUE_ON not in ack.status_detail:
-                why = f"because of {_show(ack.status_error)}; write 0 to status_error first"
-                raise Refused(f"{target}: torque stays off {why}", ack.status_error)
-
-    def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
-        """Infinite turn, with controlled speed. Asked for more than it reaches, it obeys late (6-5)."""
-        if speed is None or output is not None:
-            raise cannot(target, "turn at a share of full output", "it controls its speed; give speed in rad/s")
-        fastest = JOG_SPEED.decode(_SPEED.range[1])
-        if not abs(speed) <= fastest:  # so that NaN is refused too
-            raise BadValue(f"{target}: speed {show(speed, 'rad/s')} is beyond {show(fastest, 'rad/s')}")
-        raw = JOG_SPEED.encode(speed)
-        yield from _jog(target, Jog(target.id, raw, ControlMode.INFINITE_TURN, playtime=_TURN_PLAYTIME))
-
-    def position_mode(self, target: Target, limits: tuple[int, int] | None) -> Procedure[None]:
-        if limits is not None:
-            low, high = (target.model.register(name) for name in ("min_position", "max_position"))
-            yield from self.write(target, {low: limits[0], high: limits[1]})
-        stance = yield from self.stance(target)
-        if not stance.turning:
-            return
-        goal = _nearest(target, stance)
-        # Outside its limits the servo would run to the nearest one (H-66). But without torque a JOG changes
-        # nothing except the mode (EH-16), and torque on holds whatever position it finds (H-51).
-        free = stance.torque and goal != _raw_position(target, stance)
-        if free:
-            yield from self.torque(target, on=False)
-        yield from _jog(target, Jog(target.id, goal))
-        if free:
-            yield from self.torque(target, on=True)
-
-    def led(self, target: Target, colour: str) -> Procedure[None]:
-        if colour not in _COLOURS:
-            raise BadValue(f"{target} has no light {colour!r}, only {', '.join(_COLOURS)}")
-        yield from self.write(target, {target.model.register("led_control"): _COLOURS[colour]})
-
-    def reboot(self, target: Target) -> Procedure[None]:
-        yield from ask(reboot(target.id, answered=_answers(target)))
-        yield Pause(BOOT_TIME)
-
-    def reset(self, target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
-        if unknown := keep - _KEEPS.keys():
-            raise cannot(target, f"keep {', '.join(sorted(unknown))}", f"ROLLBACK can keep {', '.join(_KEEPS)}")
-        id, baud = (target.model.register(name) for name in ("id", "baud_rate"))
-        new_id, code = id.default, baud.default
-        if "id" in keep:
-            (new_id,) = yield from self.read_stored(target, [id])
-        if "baud" in keep:
-            (code,) = yield from self.read_stored(target, [baud])
-        assert new_id is not None
-        assert code is not None
-        kept = Keep(sum(_KEEPS[name] for name in keep))
-        yield from ask(rollback(target.id, kept, answered=_answers(target)))
-        yield Pause(EEP_TIME)
-        yield from self.reboot(target)
-        return new_id, baud.decode(code)
-
-    def set_id(self, target: Target, id: int) -> Procedure[None]:
-        """Write EEP, then RAM, both under the old id: it changes with the second write (H-36).
-
-        If that one is lost the servo goes on under its old id until it restarts, and all can be done again.
-        """
-        yield from self.store(target, {target.model.register("id"): check_id(id)})
-
-    def set_baud(self, target: Target, baud: int) -> Procedure[None]:
-        """Write EEP and restart: Baud Rate acts only then (H-37)."""
-        register = target.model.register("baud_rate")
-        yield from self.store(target, {register: register.encode(baud)})
-        yield Pause(EEP_TIME)
-        yield from self.reboot(target)
-
-    def explain(self, packet: Packet, request: Packet | None = None) -> str:  # noqa: ARG002 - the code tells ACKs
-        try:
-            return str(parse_ack(packet) if packet.code & ACK else parse_request(packet))
-        except ValueError as error:
-            return str(error)
-
-
-_Spot: TypeAlias = tuple[Area, int]
-"""An address in one of the two maps."""
-
-
-def _acting(register: Register[Any]) -> _Spot:
-    """Tell where a register acts: in RAM if RAM has it, else in EEP."""
-    match register.place:
-        case Ram(address) | EepRam(ram=address):
-            return Area.RAM, address
-        case Eep(address):
-            return Area.EEPROM, address
-    raise TypeError(f"{register} has no HerkuleX place")
-
-
-def _kept(register: Register[Any]) -> _Spot | None:
-    """Tell where a register survives power-off, if it does."""
-    place = register.place
-    return (Area.EEPROM, place.eep) if isinstance(place, Eep | EepRam) else None
-
-
-def _fetch(target: Target, registers: Sequence[Register[Any]], spots: Sequence[_Spot]) -> Procedure[list[int]]:
-    """Read registers from the spots given, in few exchanges."""
-    if target.answers is Answers.NOTHING:
-        raise cannot(target, "be read", "its ACK Policy is 0; write ack_policy first")
-    wanted = list(zip(registers, spots, strict=True))
-    image: dict[_Spot, int] = {}
-    for area, reading in ((Area.RAM, ram_read), (Area.EEPROM, eep_read)):
-        spans = [(address, row.layout.size) for row, (home, address) in wanted if home is area]
-        # A second exchange costs 20 bytes, request and frame of the ACK: rather bridge a gap of that size.
-        for start, size in blocks(spans, gap=20, longest=MAX_DATA - 4):
-            data = yield from ask(reading(target.id, start, size))
-            image.update(((area, address), byte) for address, byte in enumerate(data, start))
-    return [
-        row.layout.unpack(bytes(image[area, address + i] for i in range(row.layout.size)))
-        for row, (area, address) in wanted
-    ]
-
-
-def _send(target: Target, parts: Iterable[tuple[_Spot, bytes]]) -> Procedure[None]:
-    """Write to EEP, then to RAM from the top down.
-
-    So ID and ACK Policy, RAM 0 and 1, come last: what followed them would have to go by the new ones.
-    """
-    maps: dict[Area, dict[int, bytes]] = {Area.EEPROM: {}, Area.RAM: {}}
-    for (area, address), data in parts:
-        maps[area][address] = data
-    for address, data in _runs(maps[Area.EEPROM]):
-        yield from ask(eep_write(target.id, address, data, answered=_answers(target)))
-    for address, data in reversed(_runs(maps[Area.RAM])):
-        new_policy = address <= ACK_POLICY < address + len(data)
-        yield from ask(ram_write(target.id, address, data, answered=_answers(target) and not new_policy))
-        if new_policy:
-            # Whether the old or the new policy rules the ACK is an assumption (H-30): let one pass unheard.
-            yield Pause(2 * TURNAROUND)
-
-
-def _runs(parts: Mapping[int, bytes]) -> list[tuple[int, bytes]]:
-    """Join what touches into one write each."""
-    runs: list[tuple[int, bytes]] = []
-    for address, data in sorted(parts.items()):
-        if runs and runs[-1][0] + len(runs[-1][1]) == address:
-            runs[-1] = (runs[-1][0], runs[-1][1] + data)
-        else:
-            runs.append((address, data))
-    return runs
-
-
-def _answers(target: Target) -> bool:
-    return target.answers is Answers.EVERYTHING
-
-
-def _jog(target: Target, jog: Jog) -> Procedure[None]:
-    yield from ask(i_jog(target.id, [jog], answered=_answers(target)))
-
-
-def _playtime(leg: Leg) -> int:
-    """Give a leg's playtime, rounded up: a little slower rather than faster than asked."""
-    playtime = math.ceil(leg.duration / TICK - 1e-6)  # less what the division may have added
-    if playtime > LONGEST_PLAYTIME:
-        longest = show(LONGEST_PLAYTIME * TICK, "s")
-        raise BadValue(f"{leg.target}: a move of {show(leg.duration, 's')} is longer than {longest}")
-    return max(playtime, 1)  # 0 would mean as fast as it can (H-85)
-
-
-def _raw_position(target: Target, stance: Stance) -> int:
-    return target.model.register("calibrated_position").scale.encode(stance.position)
-
-
-def _nearest(target: Target, stance: Stance) -> int:
-    """Give the goal nearest to where the servo is: the very place, if it is within its limits."""
-    return min(max(_raw_position(target, stance), stance.low), stance.high)

@@ -10,27 +10,16 @@ Only read commands are answered, in the same frame and with the same command; wh
 it has parameters and the question has none. There is no error field: a servo that refuses says nothing.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
-from typing import Any, Self, TypeAlias, TypeVar
+from typing import Self, TypeAlias, TypeVar
 
-from servobus.errors import BadValue, UsageError
-from servobus.exchange import Exchange, Pause, Procedure, Reply, ask, sent
+from servobus.errors import BadValue
+from servobus.exchange import Exchange, Reply, sent
 from servobus.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
-from servobus.protocols.base import (
-    BROADCAST,
-    Answers,
-    Family,
-    Identity,
-    Leg,
-    Stance,
-    Target,
-    cannot,
-    check_id,
-    check_output,
-)
-from servobus.registers import S8, S16, U8, U16, Area, Int, Pair, Register
+from servobus.protocols.ids import BROADCAST, check_id
+from servobus.registers import S8, S16, U8, U16, Int
 
 T = TypeVar("T")
 
@@ -188,7 +177,7 @@ def encode(message: Request | Answer) -> bytes:
 def parse_request(packet: Packet) -> Request:
     """Read a request. Raises ValueError for an unknown command or a wrong length."""
     command = _command(packet)
-    return Request(packet.id, command, _values(command, command.params, packet.data))
+    return Request(packet.id, command, values_of(command, command.params, packet.data))
 
 
 def parse_answer(packet: Packet) -> Answer:
@@ -196,7 +185,7 @@ def parse_answer(packet: Packet) -> Answer:
     command = _command(packet)
     if not command.reply:
         raise ValueError(f"{command.name} is never answered")
-    return Answer(packet.id, command, _values(command, command.reply, packet.data))
+    return Answer(packet.id, command, values_of(command, command.reply, packet.data))
 
 
 def _command(packet: Packet) -> Command:
@@ -206,19 +195,19 @@ def _command(packet: Packet) -> Command:
         raise ValueError(f"unknown command {packet.code}") from None
 
 
-def _values(command: Command, fields: Fields, data: bytes) -> tuple[int, ...]:
-    if len(data) != _length(fields):
+def values_of(command: Command, fields: Fields, data: bytes) -> tuple[int, ...]:
+    if len(data) != length_of(fields):
         raise ValueError(f"{command.name} with {len(data)} parameter bytes")
-    return tuple(layout.unpack(data[at : at + layout.size]) for _, layout, at in _places(fields))
+    return tuple(layout.unpack(data[at : at + layout.size]) for _, layout, at in places_of(fields))
 
 
-def _length(fields: Fields) -> int:
+def length_of(fields: Fields) -> int:
     return sum(layout.size for _, layout in fields)
 
 
-def _places(fields: Fields) -> list[tuple[str, Int, int]]:
+def places_of(fields: Fields) -> list[tuple[str, Int, int]]:
     """Give each field with the byte at which it starts."""
-    return [(name, layout, _length(fields[:n])) for n, (name, layout) in enumerate(fields)]
+    return [(name, layout, length_of(fields[:n])) for n, (name, layout) in enumerate(fields)]
 
 
 # Native operations
@@ -235,16 +224,16 @@ def send(id: int, command: Command, *values: int) -> Exchange[None]:
 
 def query(id: int, command: Command) -> Exchange[tuple[int, ...]]:
     """Send a read command; the result is the values of the answer, in the order of `command.reply`."""
-    return _question(id, command, lambda packet: parse_answer(packet).values)
+    return question(id, command, lambda packet: parse_answer(packet).values)
 
 
-def _question(id: int, command: Command, interpret: Callable[[Packet], T]) -> Exchange[T]:
+def question(id: int, command: Command, interpret: Callable[[Packet], T]) -> Exchange[T]:
     if not command.reply:
         raise BadValue(f"{command.name} is never answered")
     if id == BROADCAST and command is not Command.SERVO_ID_READ:
         raise BadValue(f"{command.name} to id {BROADCAST} is never answered (manual 3)")
     request = Request(id, command)
-    reply = Reply(None if id == BROADCAST else id, int(command), (_length(command.reply),))
+    reply = Reply(None if id == BROADCAST else id, int(command), (length_of(command.reply),))
     return Exchange(str(request), FRAMING, encode(request), interpret, reply, turnaround=TURNAROUND, repeatable=True)
 
 
@@ -275,7 +264,7 @@ def id_write(id: int, new_id: int) -> Exchange[None]:
 
 def id_read(id: int = BROADCAST) -> Exchange[int]:
     """Ask for the id. All servos answer the broadcast id at once: for a servo alone on its bus (reply 3)."""
-    return _question(id, Command.SERVO_ID_READ, lambda packet: parse_answer(packet).values[0])
+    return question(id, Command.SERVO_ID_READ, lambda packet: parse_answer(packet).values[0])
 
 
 def angle_offset_adjust(id: int, offset: int) -> Exchange[None]:
@@ -291,184 +280,3 @@ def angle_offset_write(id: int) -> Exchange[None]:
 def mode_write(id: int, mode: Mode, speed: int = 0) -> Exchange[None]:
     """Choose position or motor mode; `speed` -1000 .. 1000 counts in motor mode only (point 21)."""
     return send(id, Command.SERVO_OR_MOTOR_MODE_WRITE, mode, 0, speed)
-
-
-# The shared verbs
-
-WATCH = 0.05
-"""s between the two looks that tell whether a servo moves."""
-
-_LIMITS = (Command.SERVO_ANGLE_LIMIT_WRITE, Command.SERVO_VIN_LIMIT_WRITE)
-"""The lower value must be below the upper (points 12, 14); else the servo ignores both in silence (L-47)."""
-
-
-class Lewansoul(Family):
-    name = "lewansoul"
-    title = "LewanSoul bus servo protocol"
-    framing = FRAMING
-    default_baud = BAUD
-    bauds = (BAUD,)
-    max_move_time = 30.0
-
-    def ping(self, id: int) -> Exchange[None]:
-        return _question(check_id(id), Command.SERVO_ID_READ, sent)
-
-    def identify(self, id: int) -> Procedure[Identity]:
-        """Only presence can be found out: the protocol has no question for model or firmware."""
-        yield from ask(self.ping(id))
-        return Identity(None, "", Answers.READS)
-
-    def read(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
-        """Ask each read command once, however many of the registers stand in its answer."""
-        answers: dict[int, bytes] = {}
-        for code in dict.fromkeys(_pair(register).read for register in registers):
-            answers[code] = yield from ask(_parameters(target.id, code))
-        return [register.layout.unpack(answers[_pair(register).read][_bytes(register)]) for register in registers]
-
-    def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Send each command once; parameters that are not given are read first and sent back unchanged."""
-        yield from self._write(target, values, save=False)
-
-    def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Write; the servo saves by itself, except the offset, which command 18 saves."""
-        for register in values:
-            if register.area is not Area.EEPROM:
-                raise UsageError(f"{register.model} {register.name} is not saved by the servo")
-        yield from self._write(target, values, save=True)
-
-    def stance(self, target: Target) -> Procedure[Stance]:
-        names = ("present_position", "torque_enable", "min_position", "max_position", "mode")
-        rows = [target.model.register(name) for name in names]
-        position, torque, low, high, mode = yield from self.read(target, rows)
-        return Stance(rows[0].decode(position), bool(torque), low, high, turning=mode == Mode.MOTOR)
-
-    def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
-        """Several legs are kept first and start with one broadcast, which starts any older kept move too."""
-        give = move_time_write if len(legs) == 1 else move_time_wait_write
-        times = [leg.target.model.register("goal_time").encode(leg.duration) for leg in legs]
-        for leg, time in zip(legs, times, strict=True):
-            yield from ask(give(leg.target.id, leg.goal, time))
-        if len(legs) > 1:
-            yield from ask(move_start())
-
-    def moving(self, target: Target) -> Procedure[bool]:
-        """Compare two positions: no flag tells. Slower than one unit in 50 ms (4.8°/s) counts as rest."""
-        row = [target.model.register("present_position")]
-        before = yield from self.read(target, row)
-        yield Pause(WATCH)
-        after = yield from self.read(target, row)
-        return before != after
-
-    def stop(self, target: Target) -> Procedure[None]:
-        # First what ends a move, then the question that costs time. What command 12 does in motor mode
-        # is not said, so there the speed is set to 0.
-        yield from ask(move_stop(target.id))
-        if (yield from self._mode(target)) == Mode.MOTOR:
-            yield from ask(mode_write(target.id, Mode.MOTOR, 0))
-
-    def torque(self, target: Target, on: bool) -> Procedure[None]:
-        """Nothing jumps: a servo that is loaded holds the angle at which it is (L-70, assumption)."""
-        yield from ask(send(target.id, Command.SERVO_LOAD_OR_UNLOAD_WRITE, int(on)))
-
-    def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
-        """Motor mode: the "speed" of the manual is a duty, nothing measures how fast it turns."""
-        if output is None or speed is not None:
-            raise cannot(target, "turn at a given speed", "motor mode has no speed control; give output=-1..1")
-        duty = round(check_output(output) * FULL_OUTPUT)
-        yield from ask(mode_write(target.id, Mode.MOTOR, duty))
-
-    def position_mode(self, target: Target, limits: tuple[int, int] | None) -> Procedure[None]:
-        """Motor mode leaves the angle limits alone, so `limits` are written only where they are given."""
-        if limits is not None:
-            rows = (target.model.register("min_position"), target.model.register("max_position"))
-            yield from self.write(target, {row: row.check(raw) for row, raw in zip(rows, limits, strict=True)})
-        if (yield from self._mode(target)) == Mode.MOTOR:
-            yield from ask(mode_write(target.id, Mode.POSITION))
-
-    def led(self, target: Target, colour: str) -> Procedure[None]:
-        if colour not in ("on", "off"):
-            raise BadValue(f"{target} has one light: on or off, not {colour!r}")
-        led = target.model.register("led")
-        yield from self.write(target, {led: led.encode(colour == "on")})
-
-    def reboot(self, target: Target) -> Procedure[None]:
-        yield from ()  # a procedure without steps
-        raise cannot(target, "be rebooted", "the protocol has no such command; switch its power off and on")
-
-    def reset(self, target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:  # noqa: ARG002
-        yield from ()  # a procedure without steps
-        why = "the protocol has no such command; restore a backup, or set the registers one by one"
-        raise cannot(target, "be reset", why)
-
-    def set_id(self, target: Target, id: int) -> Procedure[None]:
-        yield from ask(id_write(target.id, id))
-
-    def set_baud(self, target: Target, baud: int) -> Procedure[None]:
-        yield from ()  # a procedure without steps
-        raise cannot(target, f"talk at {baud} baud", f"its speed is fixed at {BAUD} (manual 2)")
-
-    def explain(self, packet: Packet, request: Packet | None = None) -> str:  # noqa: ARG002 - the length tells
-        try:
-            return str(parse_request(packet))
-        except ValueError as error:
-            problem = f"{error}, id {packet.id}"
-        try:
-            return str(parse_answer(packet))
-        except ValueError:
-            return problem
-
-    def _mode(self, target: Target) -> Procedure[int]:
-        (mode,) = yield from self.read(target, [target.model.register("mode")])
-        return mode
-
-    def _write(self, target: Target, values: Mapping[Register[Any], int], *, save: bool) -> Procedure[None]:
-        for command, group in _by_command(values):
-            data = yield from self._rest(target, command, group)
-            for register, raw in group.items():
-                data[_bytes(register)] = register.layout.pack(raw)
-            parameters = _values(command, command.params, bytes(data))
-            if command in _LIMITS and parameters[0] >= parameters[1]:
-                low, high = parameters
-                raise BadValue(f"{target}: the lower limit {low} is not below the upper one, {high} (raw)")
-            yield from ask(send(target.id, command, *parameters))
-            if save and command is Command.SERVO_ANGLE_OFFSET_ADJUST:
-                yield from ask(angle_offset_write(target.id))
-
-    def _rest(self, target: Target, command: Command, group: Mapping[Register[Any], int]) -> Procedure[bytearray]:
-        """Give the command's parameters as they are in the servo, or zeros where all of them are given."""
-        given = {_pair(register).at for register in group}
-        if given >= {at for name, _, at in _places(command.params) if name != "null"}:
-            return bytearray(_length(command.params))
-        old = yield from ask(_parameters(target.id, _pair(next(iter(group))).read))
-        return bytearray(old)
-
-
-def _pair(register: Register[Any]) -> Pair:
-    assert isinstance(register.place, Pair)
-    return register.place
-
-
-def _bytes(register: Register[Any]) -> slice:
-    """Tell where the register stands among the parameters of its commands."""
-    at = _pair(register).at
-    return slice(at, at + register.layout.size)
-
-
-def _parameters(id: int, code: int) -> Exchange[bytes]:
-    return _question(id, Command(code), lambda packet: packet.data)
-
-
-def _by_command(values: Mapping[Register[Any], int]) -> list[tuple[Command, dict[Register[Any], int]]]:
-    """Group registers by the command that writes them; the id comes last, it is another from there on."""
-    groups: dict[Command, dict[Register[Any], int]] = {}
-    for register, raw in values.items():
-        code = _pair(register).write
-        if code is None:
-            raise BadValue(f"{register.model} {register.name} can only be read")
-        groups.setdefault(Command(code), {})[register] = raw
-    for command, group in groups.items():
-        for register in group:
-            if not _pair(register).alone and not any(_pair(other).at == 0 for other in group):
-                what = f"{register.model} {register.name}"
-                raise BadValue(f"{what} cannot be written alone: {command.name} would repeat the last move")
-    return sorted(groups.items(), key=lambda item: item[0] is Command.SERVO_ID_WRITE)

@@ -1,0 +1,199 @@
+"""The verbs of Dynamixel protocol 1.0. Packets and their sources: servobus.protocols.dynamixel1."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from servobus.errors import BadValue, NoReply, UsageError
+from servobus.exchange import Exchange, Procedure, ask
+from servobus.families.base import (
+    Answers,
+    Family,
+    Identity,
+    Leg,
+    Stance,
+    Target,
+    adjacent,
+    blocks,
+    cannot,
+    check_output,
+)
+from servobus.framing import Packet
+from servobus.protocols.dynamixel1 import (
+    FRAMING,
+    RX_BUFFER,
+    parse_instruction,
+    parse_status,
+    ping,
+    read_data,
+    reset,
+    sync_write,
+    write_data,
+)
+from servobus.protocols.ids import check_id
+from servobus.registers import Address, Area, Register
+
+
+def _address(register: Register[Any]) -> int:
+    assert isinstance(register.place, Address)
+    return register.place.address
+
+
+class Dynamixel1(Family):
+    name = "dynamixel"
+    title = "Dynamixel protocol 1.0"
+    framing = FRAMING
+    default_baud = 57_600
+    # Table in manual 3-4-1, plus the codes in use elsewhere in the field; most likely first.
+    bauds = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
+
+    def ping(self, id: int) -> Exchange[None]:
+        return ping(check_id(id))
+
+    def identify(self, id: int) -> Procedure[Identity]:
+        """Read model number, firmware and return level; a servo at level 0 answers PING alone (D-22)."""
+        try:
+            data = yield from ask(read_data(check_id(id), 0, 17))
+        except NoReply:
+            yield from ask(ping(id))
+            return Identity(None, "", Answers.NOTHING)
+        return Identity(int.from_bytes(data[:2], "little"), str(data[2]), Answers(min(data[16], 2)))
+
+    def read(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+        if target.answers is Answers.NOTHING:
+            raise cannot(target, "be read", "its Status Return Level is 0; write status_return_level first")
+        image: dict[int, int] = {}
+        spans = ((_address(register), register.layout.size) for register in registers)
+        # A second exchange costs 14 bytes of frames and the return delay: rather bridge a gap as wide.
+        for address, size in blocks(spans, gap=16, longest=RX_BUFFER - 6):
+            data = yield from ask(read_data(target.id, address, size))
+            image.update(enumerate(data, address))
+        return [
+            register.layout.unpack(bytes(image[_address(register) + i] for i in range(register.layout.size)))
+            for register in registers
+        ]
+
+    def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
+        parts = {_address(register): register.layout.pack(raw) for register, raw in values.items()}
+        for address, data in adjacent(parts):
+            yield from ask(write_data(target.id, address, data, answered=_answers(target)))
+
+    def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
+        for register in values:
+            if register.area is not Area.EEPROM:
+                raise UsageError(f"{register.model} {register.name} lives in RAM and is lost at power-off")
+        yield from self.write(target, values)
+
+    def stance(self, target: Target) -> Procedure[Stance]:
+        names = ("present_position", "torque_enable", "cw_angle_limit", "ccw_angle_limit")
+        rows = [target.model.register(name) for name in names]
+        position, torque, low, high = yield from self.read(target, rows)
+        return Stance(rows[0].decode(position), bool(torque), low, high, turning=low == high == 0)
+
+    def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
+        data = {leg.target.id: _goal_and_speed(leg) for leg in legs}
+        goal = _address(legs[0].target.model.register("goal_position"))
+        if len(legs) == 1:
+            yield from ask(
+                write_data(legs[0].target.id, goal, data[legs[0].target.id], answered=_answers(legs[0].target))
+            )
+            return
+        most = (RX_BUFFER - 8) // 5
+        ids = list(data)
+        for start in range(0, len(ids), most):
+            yield from ask(sync_write(goal, {id: data[id] for id in ids[start : start + most]}))
+
+    def moving(self, target: Target) -> Procedure[bool]:
+        (moving,) = yield from self.read(target, [target.model.register("moving")])
+        return bool(moving)
+
+    def stop(self, target: Target) -> Procedure[None]:
+        model = target.model
+        stance = yield from self.stance(target)
+        if stance.turning:
+            yield from self.write(target, {model.register("moving_speed"): 0})
+            return
+        (position,) = yield from self.read(target, [model.register("present_position")])
+        yield from self.write(target, {model.register("goal_position"): position})
+
+    def torque(self, target: Target, on: bool) -> Procedure[None]:
+        model = target.model
+        if on:
+            stance = yield from self.stance(target)
+            if not stance.torque and not stance.turning:
+                goal = model.register("goal_position")
+                here = min(max(goal.scale.encode(stance.position), stance.low), stance.high)
+                yield from self.write(target, {goal: here})
+        yield from self.write(target, {model.register("torque_enable"): int(on)})
+
+    def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
+        """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""
+        if output is None or speed is not None:
+            raise cannot(
+                target,
+                "turn at a given speed",
+                "endless turn has no speed control (3-4-3); give output=-1..1",
+            )
+        model = target.model
+        share = round(abs(check_output(output)) * 1023) | (0x400 if output < 0 else 0)
+        limits = {model.register("cw_angle_limit"): 0, model.register("ccw_angle_limit"): 0}
+        stance = yield from self.stance(target)
+        if not stance.turning:
+            # A speed left over from position mode would spin it as soon as the limits are 0.
+            yield from self._write_raw_speed(target, 1)
+            yield from self.write(target, limits)
+        yield from self._write_raw_speed(target, share)
+
+    def position_mode(self, target: Target, limits: tuple[int, int] | None) -> Procedure[None]:
+        model = target.model
+        stance = yield from self.stance(target)
+        if not stance.turning:
+            return
+        low, high = limits or (0, 1023)
+        yield from self._write_raw_speed(target, 0)
+        yield from self.write(target, {model.register("cw_angle_limit"): low, model.register("ccw_angle_limit"): high})
+
+    def led(self, target: Target, colour: str) -> Procedure[None]:
+        if colour not in ("on", "off", "red"):
+            raise BadValue(f"{target} has one red light: on or off, not {colour!r}")
+        yield from self.write(target, {target.model.register("led"): int(colour != "off")})
+
+    def reboot(self, target: Target) -> Procedure[None]:
+        yield from ()  # a procedure without steps
+        raise cannot(target, "be rebooted", "protocol 1.0 has no such instruction; switch its power off and on")
+
+    def reset(self, target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+        if keep:
+            raise cannot(target, f"keep {', '.join(sorted(keep))}", "RESET restores everything, id and baud included")
+        yield from ask(reset(target.id, answered=_answers(target)))
+        return 1, self.default_baud
+
+    def set_id(self, target: Target, id: int) -> Procedure[None]:
+        yield from self.write(target, {target.model.register("id"): check_id(id)})
+
+    def set_baud(self, target: Target, baud: int) -> Procedure[None]:
+        register = target.model.register("baud")
+        yield from self.write(target, {register: register.encode(baud)})
+
+    def explain(self, packet: Packet, request: Packet | None = None) -> str:
+        """Say what a packet means. A packet that follows a request to the same id is its status packet."""
+        if request is None or request.id != packet.id:
+            try:
+                return str(parse_instruction(packet))
+            except ValueError:
+                pass  # no instruction: read it as a status packet
+        return str(parse_status(packet))
+
+    def _write_raw_speed(self, target: Target, raw: int) -> Procedure[None]:
+        address = _address(target.model.register("moving_speed"))
+        yield from ask(write_data(target.id, address, raw.to_bytes(2, "little"), answered=_answers(target)))
+
+
+def _answers(target: Target) -> bool:
+    return target.answers is Answers.EVERYTHING
+
+
+def _goal_and_speed(leg: Leg) -> bytes:
+    speed = leg.target.model.register("moving_speed")
+    raw = speed.scale.encode(leg.distance / leg.duration)
+    # 0 would mean full speed; above 1023 there is nothing to ask for.
+    return leg.goal.to_bytes(2, "little") + max(1, min(raw, 1023)).to_bytes(2, "little")
