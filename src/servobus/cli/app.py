@@ -1,0 +1,154 @@
+"""The group of all verbs: which there are, how help lists them, and how errors are told.
+
+A verb's module is imported when the verb is used. What help says about it stands here, so that help needs no verb.
+"""
+
+import importlib
+from collections.abc import Sequence
+from typing import Any
+
+import click
+
+from servobus.errors import ServobusError
+
+VERBS: dict[str, dict[str, tuple[str, str]]] = {
+    "Find": {
+        "ports": ("reference:ports", "List the serial ports of this computer."),
+        "scan": ("scan:scan", "Look for servos on a port."),
+    },
+    "Look": {
+        "info": ("info:info", "Show all of one servo: data sheet, registers, alarms."),
+        "read": ("values:read", "Read registers of a servo."),
+    },
+    "Move": {
+        "move": ("move:move", "Move servos to angles, together."),
+        "turn": ("turn:turn", "Turn without end, and back to angles."),
+        "stop": ("stop:stop", "Stop servos where they are."),
+        "torque": ("stop:torque", "Switch torque on or off."),
+        "led": ("light:led", "Switch a servo's light."),
+    },
+    "Change": {
+        "write": ("values:write", "Write registers of a servo."),
+        "set-id": ("identity:set_id", "Give a servo another id."),
+        "set-baud": ("identity:set_baud", "Set a servo to another speed."),
+        "backup": ("settings:backup", "Save the settings of a servo to a file."),
+        "restore": ("settings:restore", "Write saved settings back."),
+        "reset": ("reset:reset", "Restore factory settings."),
+        "reboot": ("reset:reboot", "Restart a servo."),
+    },
+    "Virtual servos": {
+        "virtual": ("virtual:virtual", "Be servos, on a virtual port."),
+        "demo": ("demo:demo", "See it all work, without hardware."),
+    },
+    "Learn": {
+        "models": ("reference:models", "List the models known here."),
+        "registers": ("registers:registers", "Show the register table of a model."),
+        "decode": ("decode:decode", "Explain bytes, packet by packet."),
+    },
+}
+"""heading -> verb -> where it is (module:function), and what help says of it."""
+
+NAMES = {name: where for verbs in VERBS.values() for name, (where, _) in verbs.items()}
+
+
+class Fault(click.ClickException):
+    """An error as people see it: one line, exit code 1."""
+
+    def show(self, file: Any = None) -> None:
+        click.echo(f"servobus: {self.message}", file=file, err=file is None)
+
+
+class App(click.Group):
+    """A group that loads its commands when they are used, and tells errors in one line."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        return list(NAMES)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        if cmd_name not in NAMES:
+            return None
+        module, function = NAMES[cmd_name].split(":")
+        command: click.Command = getattr(importlib.import_module(f"servobus.cli.{module}"), function)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and args[0] not in NAMES and not args[0].startswith("-"):
+            import difflib  # noqa: PLC0415 - only ever needed for this message
+
+            near = difflib.get_close_matches(args[0], NAMES, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else "`servobus --help` lists them all"
+            raise click.UsageError(f"there is no command {args[0]!r}; {hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        super().format_help_text(ctx, formatter)
+        formatter.write_paragraph()
+        formatter.write("  No servo at hand? Try:\n    servobus demo\n    servobus scan virtual:rx28@1-3\n")
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        width = max(map(len, NAMES))
+        for heading, verbs in VERBS.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name.ljust(width), text) for name, (_, text) in verbs.items()])
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except ServobusError as error:
+            raise Fault(str(error)) from error
+        except BrokenPipeError:
+            raise  # whoever read our output has seen enough; click ends without a word
+        except OSError as error:
+            raise Fault(_explain(error)) from error
+        except KeyboardInterrupt:
+            click.echo(err=True)  # the terminal shows ^C: what comes next starts on a line of its own
+            raise click.exceptions.Exit(130) from None
+        except click.Abort as abort:
+            if isinstance(abort.__context__, EOFError):
+                raise Fault("nobody is there to confirm; nothing was changed (--yes goes ahead)") from abort
+            raise click.exceptions.Exit(130) from None
+
+
+def _explain(error: OSError) -> str:
+    reason = error.strerror or str(error)
+    return f"{error.filename}: {reason}" if error.filename is not None else reason
+
+
+def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted:
+        from servobus import __version__  # noqa: PLC0415 - here as everywhere in this file
+
+        click.echo(f"servobus {__version__}")
+        ctx.exit()
+
+
+class Verb(click.Command):
+    """A command whose help ends with examples."""
+
+    def __init__(self, *args: Any, examples: Sequence[str] = (), **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.examples = examples
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        if self.examples:
+            with formatter.section("Examples"):
+                for line in self.examples:
+                    formatter.write(" " * formatter.current_indent + line + "\n")
+
+
+@click.group(
+    "servobus",
+    cls=App,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    subcommand_metavar="COMMAND ...",
+    epilog="`servobus COMMAND --help` explains a command, with examples.",
+)
+@click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version.")
+def app() -> None:
+    """Drive smart serial-bus servos, and be them.
+
+    A PORT is a device path (/dev/ttyUSB0), COM4, socket://host:port, rfc2217://host:port, or virtual:SPEC
+    for virtual servos inside the command, such as virtual:rx28@1-4,lx16a@7. Angles are degrees.
+    """

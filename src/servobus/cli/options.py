@@ -1,0 +1,223 @@
+"""What the commands have in common: how a port, a servo and a value are named, and how they are found."""
+
+import contextlib
+import signal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from types import FrameType
+from typing import Any, Literal, TypeVar
+
+import click
+
+import servobus
+from servobus import Bus, BusServo, models
+from servobus.cli.app import Verb
+from servobus.errors import BadValue, NoReply
+from servobus.families.base import Family
+from servobus.protocols.ids import LAST_ID, check_id
+from servobus.units import parse
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+ALL: Literal["all"] = "all"
+
+
+def verb(name: str, *examples: str) -> Callable[[Callable[..., Any]], click.Command]:
+    """Make a command with examples in its help. Its text is the docstring's."""
+    return click.command(name, cls=Verb, examples=examples)
+
+
+# Values
+
+
+class IdType(click.ParamType[int]):
+    """The id of one servo; the broadcast id is refused, since every servo would obey."""
+
+    name = "id"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        try:
+            id = int(value)
+        except ValueError:
+            self.fail(f"{value!r} is not an id: a number 0 .. {LAST_ID}", param, ctx)
+        return check_id(id)
+
+
+class IdOrAll(IdType):
+    """An id, or the word `all`."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return ALL if value == ALL else super().convert(value, param, ctx)
+
+
+class BaudType(click.ParamType[int | Literal["all"]]):
+    """A speed in baud, or the word `all`."""
+
+    name = "baud"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value == ALL:
+            return ALL
+        try:
+            baud = int(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither a number of baud nor `all`", param, ctx)
+        if not 1 <= baud <= 4_000_000:
+            raise BadValue(f"{baud} is not a speed in baud")
+        return baud
+
+
+class UnitType(click.ParamType[float]):
+    """A quantity as people type it: "1.5", "1.5s", "60deg/s"."""
+
+    def __init__(self, name: str, unit: str) -> None:
+        self.name = name
+        self._unit = unit
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ARG002
+        if isinstance(value, float):
+            return value
+        try:
+            return parse(value, self._unit)
+        except ValueError as error:
+            raise BadValue(f"{param.opts[0] if param else self.name}: {error}") from None
+
+
+ID = IdType()
+ID_OR_ALL = IdOrAll()
+BAUD = BaudType()
+ANGLE = UnitType("angle", "rad")
+SECONDS = UnitType("seconds", "s")
+SPEED = UnitType("deg/s", "rad/s")
+SHARE = UnitType("percent", "1")
+
+
+def assignment(text: str, kind: str) -> tuple[str, str]:
+    """Cut NAME=VALUE in two."""
+    name, equals, value = text.partition("=")
+    if not (name.strip() and equals and value.strip()):
+        raise click.UsageError(f"{text!r} is not {kind}")
+    return name.strip(), value.strip()
+
+
+def id_list(text: str) -> list[int]:
+    """Read "1-4,7"."""
+    ids: set[int] = set()
+    for part in text.split(","):
+        low, dash, high = part.strip().partition("-")
+        if not low.isdecimal() or (dash and not high.isdecimal()):
+            raise click.BadParameter(f"{text!r} is no list of ids; write it like 1-4,7", param_hint="--ids")
+        first, last = check_id(int(low)), check_id(int(high or low))
+        if first > last:
+            raise BadValue(f"ids {part.strip()}: {first} is above {last}")
+        ids.update(range(first, last + 1))
+    return sorted(ids)
+
+
+def once(ids: Iterable[int]) -> None:
+    """Refuse an id that is named twice: it is not known which of the two was meant."""
+    seen: set[int] = set()
+    for id in ids:
+        if id in seen:
+            raise BadValue(f"id {id} is named twice")
+        seen.add(id)
+
+
+# Where to look
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """Where a servo is looked for: which families, at which speeds."""
+
+    family: str | None = None
+    baud: int | Literal["all"] | None = None
+
+    def rounds(self) -> list[tuple[Family, tuple[int, ...]]]:
+        """List the families to ask, each with its speeds."""
+        families = [models.family(self.family)] if self.family else list(models.FAMILIES.values())
+        return [(family, self._bauds(family)) for family in families]
+
+    def _bauds(self, family: Family) -> tuple[int, ...]:
+        if self.baud == ALL:
+            return family.bauds
+        return (family.default_baud if self.baud is None else self.baud,)
+
+    def __str__(self) -> str:
+        return ", ".join(f"{family.name} at {'/'.join(map(str, bauds))}" for family, bauds in self.rounds())
+
+
+def where_options(command: F) -> F:
+    """Add --family and --baud, which arrive as one `where`."""
+
+    def _where(ctx: click.Context, param: click.Parameter, value: Any) -> None:
+        # Both options fill one value, so that the commands pass on one.
+        old = ctx.params.get("where") or Where()
+        family = value if param.name == "family" else old.family
+        baud = value if param.name == "baud" else old.baud
+        if family is not None:
+            models.family(family)  # an unknown name is refused before the port is opened
+        ctx.params["where"] = Where(family, baud)
+
+    options = (
+        click.option("--family", metavar="FAMILY", expose_value=False, callback=_where,
+                     help="Look only for dynamixel, herkulex or lewansoul servos."),
+        click.option("--baud", type=BAUD, metavar="N|all", expose_value=False, callback=_where,
+                     help="Look at this speed, or at every speed; else at each family's factory speed."),
+    )  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def on_port(command: F) -> F:
+    """Take PORT first, and where to look."""
+    return click.argument("port")(where_options(command))
+
+
+def on_servo(command: F) -> F:
+    """Take PORT and ID first, and where to look."""
+    return click.argument("port")(click.argument("id", type=ID)(where_options(command)))
+
+
+def as_json(command: F) -> F:
+    return click.option("--json", "json", is_flag=True, help="Print JSON.")(command)
+
+
+def opened(port: str) -> Bus:
+    """Open a port; with `with`."""
+    return servobus.open(port)
+
+
+def find(bus: Bus, where: Where, id: int) -> BusServo:
+    """Find one servo. Raises NoReply with what can be tried next."""
+    for family, bauds in where.rounds():
+        try:
+            return bus.find(id, family=family, bauds=bauds)
+        except NoReply:
+            pass
+    hint = "is it powered and connected?" if where.baud == ALL else "is it powered? `--baud all` tries every speed"
+    raise NoReply(f"{bus.transport.name}: no servo answers to id {id} (tried {where}); {hint}")
+
+
+def find_all(bus: Bus, where: Where, ids: Sequence[int]) -> list[BusServo]:
+    """Find several servos."""
+    return [find(bus, where, id) for id in ids]
+
+
+@contextlib.contextmanager
+def terminated_like_interrupted() -> Iterator[None]:
+    """Let SIGTERM do what Ctrl-C does: whatever must be made safe is made safe on both ways out."""
+
+    def stop(_signal: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        old = signal.signal(signal.SIGTERM, stop)
+    except ValueError:  # not the main thread: nobody sends it signals
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, old)
