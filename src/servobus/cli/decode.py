@@ -1,0 +1,132 @@
+"""`decode`: what bytes say."""
+
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from servobus import FAMILIES, models
+from servobus.cli.options import as_json, verb
+from servobus.cli.output import print_json
+from servobus.errors import UsageError
+from servobus.families.base import Family
+from servobus.framing import Corrupt, Event, Noise, Packet
+
+ROW = 16
+"""Bytes shown on one line."""
+
+
+@verb(
+    "decode",
+    "servobus decode FF FF 01 04 02 24 02 D2",
+    "servobus decode 55550103 1CDF 0x55 0x55",
+    "servobus decode --family herkulex sniffed.txt",
+    "cat /tmp/capture.bin | servobus decode -",
+)
+@click.argument("source", metavar="HEX...|FILE|-", nargs=-1, required=True)
+@click.option("--family", metavar="FAMILY", help="dynamixel, herkulex or lewansoul; else what fits best.")
+@as_json
+def decode(source: tuple[str, ...], family: str | None, json: bool) -> None:
+    """Explain bytes packet by packet, with what is broken or junk between them.
+
+    Bytes are hex digits, with or without spaces and 0x, or a file of hex digits or of the bytes themselves.
+    """
+    data = _bytes(source)
+    known = models.family(family) if family else guess(data)
+    entries = explain(known, data)
+    if json:
+        print_json({"family": known.name, "events": entries})
+        return
+    click.echo(f"{known.title}, {len(data)} bytes")
+    for entry in entries:
+        raw = bytes.fromhex(entry["bytes"])
+        for at in range(0, len(raw), ROW):
+            click.echo(f"{entry['offset'] + at:6d}  {raw[at : at + ROW].hex(' ').upper()}")
+        click.echo(click.wrap_text(entry["text"], 78, " " * 8, " " * 8))
+
+
+def guess(data: bytes) -> Family:
+    """Choose the family whose framing finds most packets in the bytes."""
+
+    def score(family: Family) -> tuple[int, int]:
+        events = family.framing.decode(data)
+        packets = [event for event in events if isinstance(event, Packet)]
+        return len(packets), sum(isinstance(event, Corrupt) for event in events)
+
+    return max(FAMILIES.values(), key=score)
+
+
+def explain(family: Family, data: bytes) -> list[dict[str, Any]]:
+    """Give one entry per packet, broken packet and run of junk, with its place in the bytes."""
+    events = family.framing.decode(data)
+    entries = []
+    request: Packet | None = None
+    for event, offset in zip(events, _offsets(events, family, len(data)), strict=True):
+        if isinstance(event, Packet):
+            kind, text = "packet", family.explain(event, request)
+            size = family.framing.overhead + len(event.data)
+            raw = data[offset : offset + size]
+            # Whatever follows a packet to the same servo is taken for its answer; an answer is not answered.
+            request = None if request is not None and request.id == event.id else event
+        elif isinstance(event, Corrupt):
+            kind, raw, request = "corrupt", event.raw, None
+            text = f"CHECKSUM WRONG: would be {family.explain(event.packet)}"
+        else:
+            kind, raw, request = "noise", event.raw, None
+            text = f"JUNK: {len(raw)} bytes that are no packet" if len(raw) > 1 else "JUNK: a byte that is no packet"
+        entries.append({"offset": offset, "kind": kind, "bytes": raw.hex(" ").upper(), "text": text})
+    return entries
+
+
+def _offsets(events: list[Event], family: Family, total: int) -> list[int]:
+    """Tell where each event starts. Noise does not say: it ends where the next packet starts."""
+    offsets: list[int] = []
+    following = total
+    for event in reversed(events):
+        match event:
+            case Noise(raw):
+                start = following - len(raw)
+            case Corrupt(packet, raw):
+                start = packet.end - len(raw)
+            case Packet():
+                start = event.end - family.framing.overhead - len(event.data)
+        offsets.append(start)
+        following = start
+    return offsets[::-1]
+
+
+def _bytes(source: tuple[str, ...]) -> bytes:
+    if source == ("-",):
+        return _content(sys.stdin.buffer.read(), "standard input")
+    typed = _hex(" ".join(source))
+    if typed is not None:
+        return typed
+    if len(source) > 1:
+        raise UsageError(f"{' '.join(source)!r} is no row of hex bytes")
+    if not Path(source[0]).exists():
+        raise UsageError(f"{source[0]!r} is neither a row of hex bytes nor a file")
+    return _content(Path(source[0]).read_bytes(), source[0])
+
+
+def _content(content: bytes, name: str) -> bytes:
+    """Read a file: hex text if it is nothing but that, else the bytes themselves."""
+    if not content.strip():
+        raise UsageError(f"{name} is empty")
+    try:
+        text = content.decode("ascii")
+    except UnicodeDecodeError:
+        return content
+    typed = _hex(text)
+    return content if typed is None else typed
+
+
+def _hex(text: str) -> bytes | None:
+    """Read hex bytes, or give None if that is none."""
+    words = re.split(r"[\s,;:]+", text.strip())
+    digits = "".join(re.sub(r"^(0x|\\x)", "", word, flags=re.IGNORECASE) for word in words)
+    digits = digits.replace("\\x", "")
+    if len(digits) % 2 or not digits or not re.fullmatch(r"[0-9a-fA-F]+", digits):
+        return None
+    return bytes.fromhex(digits)
