@@ -1,0 +1,95 @@
+"""`scan`: who is on this port."""
+
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+
+import click
+
+from servobus import Bus, BusServo, ServobusError
+from servobus.cli.options import Where, as_json, id_list, on_port, opened, verb
+from servobus.cli.output import console, note, print_json
+from servobus.procedures import Found, Progress, Trouble
+from servobus.procedures import scan as scan_procedure
+from servobus.protocols.ids import LAST_ID
+
+
+@verb(
+    "scan",
+    "servobus scan /dev/ttyUSB0",
+    "servobus scan COM4 --family dynamixel --baud all --ids 1-20",
+    "servobus scan virtual:rx28@1-3,lx16a@7 --json",
+)
+@on_port
+@click.option("--ids", metavar="LIST", default=f"0-{LAST_ID}", show_default=True, help="Ids to ask.")
+@as_json
+def scan(port: str, where: Where, ids: str, json: bool) -> None:
+    """Look for servos on PORT, and at each that is found. Moves nothing, changes nothing.
+
+    Each id is asked in each family at its factory speed; with `--baud all` at every speed that the family
+    has, which takes minutes on a real port.
+    """
+    wanted = id_list(ids)
+    rounds = where.rounds()
+    found: list[Found] = []
+    troubles: list[Trouble] = []
+    with opened(port) as bus, ExitStack() as stack:
+        total = len(wanted) * sum(len(bauds) for _, bauds in rounds)
+        advance = _progress_bar(stack, total)
+
+        def watch(progress: Progress) -> None:
+            advance(progress)
+            if progress.found is not None and not json:
+                click.echo(_line(bus, progress.found))
+
+        for family, bauds in rounds:
+            survey = bus.do(scan_procedure([family], bauds, wanted, watch))
+            found += survey.found
+            troubles += survey.troubles
+    for trouble in troubles:
+        note(f"servobus: {trouble}")
+    if json:
+        print_json([_entry(one) for one in found])
+    elif not found:
+        hint = "are they powered?" if where.baud == "all" else "are they powered? `--baud all` tries every speed"
+        note(f"no servo answers (asked ids {ids}: {where}); {hint}")
+
+
+def _entry(found: Found) -> dict[str, object]:
+    return {
+        "family": found.family.name,
+        "model": found.model.key() if found.model else None,
+        "id": found.id,
+        "baud": found.baud,
+        "firmware": found.identity.firmware,
+    }
+
+
+def _line(bus: Bus, found: Found) -> str:
+    if found.model is None:
+        number = found.identity.number
+        return f"id {found.id} at {found.baud}: {found.family.title} model {number}, not known here"
+    # A watcher may use the bus: nothing is on its way while it is called.
+    servo: BusServo = bus.attach(
+        found.model,
+        found.id,
+        baud=found.baud,
+        answers=found.identity.answers,
+        firmware=found.identity.firmware,
+    )
+    with suppress(ServobusError):  # it is found all the same; one that answers nothing cannot be looked at
+        servo.look()
+    return str(servo)
+
+
+def _progress_bar(stack: ExitStack, total: int) -> Callable[[Progress], None]:
+    """Show on stderr how far it is, if that is a terminal."""
+    err = console(stderr=True)
+    if not err.is_terminal:
+        return lambda _: None
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415 - slow to import
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    bar = stack.enter_context(Progress(*columns, console=err, transient=True))
+    task = bar.add_task("scanning", total=total)
+
+    return lambda _: bar.advance(task)
