@@ -1,0 +1,215 @@
+"""`move`: servos to angles."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+from servobus import Bus, BusServo, Move, MoveTimeout, ServobusError
+from servobus.cli.options import (
+    SECONDS,
+    SPEED,
+    Where,
+    as_json,
+    assignment,
+    find_all,
+    on_port,
+    once,
+    opened,
+    terminated_like_interrupted,
+    verb,
+)
+from servobus.cli.output import console, note, print_json
+from servobus.errors import BadValue, UsageError
+from servobus.protocols.ids import check_id
+from servobus.units import parse, show, shown
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+FRAME = 0.04
+"""s between two pictures of the way."""
+GRACE = 2.0
+"""s that a move may take longer than planned, as in `Move.wait`."""
+
+
+@verb(
+    "move",
+    "servobus move /dev/ttyUSB0 1=90",
+    "servobus move /dev/ttyUSB0 1=90 2=45.5 3=1.2rad --time 1.5",
+    "servobus move virtual:lx16a@1,2 1=0 2=240 --speed 60deg/s",
+)
+@on_port
+@click.argument("goals", metavar="ID=ANGLE...", nargs=-1, required=True)
+@click.option("--time", type=SECONDS, metavar="S", help="Seconds that the move takes.")
+@click.option("--speed", type=SPEED, metavar="DEG/S", help="Speed of the servo with the longest way; else 90°/s.")
+@click.option("--no-wait", is_flag=True, help="Come back as soon as they move.")
+@as_json
+def move(
+    port: str,
+    where: Where,
+    goals: tuple[str, ...],
+    time: float | None,
+    speed: float | None,
+    no_wait: bool,
+    json: bool,
+) -> None:
+    """Move servos on PORT to angles, so that they start and arrive together.
+
+    Angles are degrees (90, 90deg) or 1.57rad. Torque that is off is switched on, from where each servo is,
+    and stays on. Nothing moves unless all of it can be done. Ctrl-C stops the servos where they are.
+    """
+    if time is not None and speed is not None:
+        raise click.UsageError("a move takes either --time or --speed, not both")
+    for name, value in (("--time", time), ("--speed", speed)):
+        if value is not None and value <= 0:
+            raise BadValue(f"{name} must be above 0")
+    angles = _goals(goals)
+    with opened(port) as bus, terminated_like_interrupted():
+        servos = find_all(bus, where, list(angles))
+        loose = _check(bus, servos, angles)
+        try:
+            under_way = _start(bus, loose, angles, time, speed, quiet=json)
+            if no_wait:
+                if not json:
+                    click.echo(f"moving for {under_way.duration:.2f} s")
+            elif console().is_terminal and not json:
+                _watch(bus, servos, angles, under_way)
+            else:
+                under_way.wait()
+        except KeyboardInterrupt:
+            _halt(servos)
+            raise
+        except MoveTimeout:
+            _report(bus, servos, angles, json=json)
+            raise
+        if json or not no_wait:
+            _report(bus, servos, angles, json=json)
+
+
+def _goals(texts: Sequence[str]) -> dict[int, float]:
+    pairs = []
+    for text in texts:
+        id, angle = assignment(text, "ID=ANGLE, such as 1=90")
+        if not id.isdecimal():
+            raise click.UsageError(f"{id!r} is not an id: write ID=ANGLE, such as 1=90")
+        try:
+            pairs.append((check_id(int(id)), parse(angle, "rad")))
+        except ValueError as error:
+            raise BadValue(f"id {id}: {error}") from None
+    once(id for id, _ in pairs)
+    return dict(pairs)
+
+
+def _check(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float]) -> list[BusServo]:
+    """Refuse what cannot be, before any torque is switched on; give the servos whose torque is off.
+
+    The move itself checks all this too, but only once the torque is on.
+    """
+    loose = []
+    for servo in servos:
+        row = servo.model.register("goal_position")
+        raw = row.scale.encode(angles[servo.id])
+        low, high = row.limits
+        stance = bus.do(servo.family.stance(servo.target), baud=servo.baud)
+        if stance.turning:
+            raise UsageError(f"{servo.target} turns without end; `servobus turn PORT {servo.id} --end` ends that")
+        low, high = max(low, stance.low), min(high, stance.high)
+        if not low <= raw <= high:
+            reachable = " .. ".join(row.show(row.decode(end)) for end in (low, high))
+            raise BadValue(f"{servo.target}: {row.show(angles[servo.id])} is outside {reachable}, its limits")
+        if not stance.torque:
+            loose.append(servo)
+    return loose
+
+
+def _start(
+    bus: Bus,
+    loose: list[BusServo],
+    angles: Mapping[int, float],
+    time: float | None,
+    speed: float | None,
+    *,
+    quiet: bool,
+) -> Move:
+    """Switch the torque on where it is off, and start."""
+    if loose:
+        bus.torque_on(loose)
+    try:
+        under_way = bus.move(angles, time=time, speed=speed)
+    except ServobusError:
+        bus.torque_off(loose)  # nothing moves, so leave them as they were
+        raise
+    if loose and not quiet:
+        note(f"torque switched on: {', '.join(f'id {servo.id}' for servo in loose)}")
+    return under_way
+
+
+def _halt(servos: Sequence[BusServo]) -> None:
+    """Stop all of them, whatever else goes wrong."""
+    note("")
+    for servo in servos:
+        try:
+            servo.stop()
+        except ServobusError as error:
+            note(f"servobus: {servo.target} may still move: {error}")
+        else:
+            note(f"{servo.target} stopped")
+
+
+def _watch(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float], under_way: Move) -> None:
+    """Show the way until all have arrived. Raises MoveTimeout."""
+    from rich.live import Live  # noqa: PLC0415 - slow to import, and only wanted on terminals
+
+    clock = bus.transport
+    end = clock.now() + under_way.duration
+    with Live(console=console(), auto_refresh=False, transient=True) as live:
+        while True:
+            live.update(_picture(servos, angles, bus.read_all("present_position")), refresh=True)
+            if clock.now() >= end:
+                try:
+                    under_way.wait(timeout=0)
+                except MoveTimeout:
+                    if clock.now() >= end + GRACE:
+                        raise
+                else:
+                    return
+            clock.sleep(FRAME)
+
+
+def _picture(
+    servos: Sequence[BusServo], angles: Mapping[int, float], positions: Mapping[int, float]
+) -> "RenderableType":
+    from rich.table import Table  # noqa: PLC0415 - slow to import, and only wanted on terminals
+
+    from servobus.cli.bars import angle, bar, reach  # noqa: PLC0415 - needs rich
+
+    table = Table.grid(padding=(0, 1))
+    for servo in servos:
+        here, goal = positions[servo.id], angles[servo.id]
+        way = bar(here, goal, *reach(servo.model), 32)
+        table.add_row(f"{servo.target}", angle(here), way, f"-> {angle(goal).strip()}")
+    return table
+
+
+def _report(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float], *, json: bool) -> None:
+    """Say where all are."""
+    positions = bus.read_all("present_position")
+    if json:
+        print_json(
+            [
+                {
+                    "id": servo.id,
+                    "model": servo.model.key(),
+                    "position": shown(positions[servo.id], "rad")[0],
+                    "goal": shown(angles[servo.id], "rad")[0],
+                    "unit": "°",
+                }
+                for servo in servos
+            ]
+        )
+        return
+    width = max(len(str(servo.target)) for servo in servos)
+    for servo in servos:
+        alarm = f"  ALARM {servo.alarm_text()}" if servo.alarms else ""
+        click.echo(f"{servo.target!s:<{width}}  {show(positions[servo.id], 'rad')}{alarm}")

@@ -1,0 +1,128 @@
+"""`stop` and `torque`: what holds a servo, and what lets it go."""
+
+from collections.abc import Callable
+from typing import Literal
+
+import click
+
+from servobus import MODELS, Bus, BusServo, ServobusError
+from servobus.cli.options import (
+    ALL,
+    ID_OR_ALL,
+    Where,
+    find_all,
+    on_port,
+    once,
+    opened,
+    verb,
+)
+from servobus.cli.output import note, warn_alarms
+from servobus.errors import NoReply
+from servobus.families.base import Answers, Target
+from servobus.procedures import Progress, scan
+from servobus.protocols.ids import BROADCAST, LAST_ID
+
+Ids = tuple[int | Literal["all"], ...]
+
+
+@verb(
+    "stop",
+    "servobus stop /dev/ttyUSB0 1 2",
+    "servobus stop /dev/ttyUSB0 all --family lewansoul",
+    "servobus torque /dev/ttyUSB0 all off     # quickest: one broadcast, all go limp",
+)
+@on_port
+@click.argument("ids", metavar="ID...|all", type=ID_OR_ALL, nargs=-1, required=True)
+def stop(port: str, where: Where, ids: Ids) -> None:
+    """Stop servos on PORT where they are. Their torque stays on.
+
+    `all` looks for every servo and stops each as soon as it is found, which takes seconds.
+    """
+    failed: list[str] = []
+
+    def halt(servo: BusServo) -> None:
+        try:
+            servo.stop()
+        except ServobusError as error:
+            failed.append(f"{servo.target} may still move: {error}")
+        else:
+            click.echo(f"{servo.target} stopped")
+
+    with opened(port) as bus:
+        if wanted := _numbers(ids):
+            for servo in find_all(bus, where, wanted):
+                halt(servo)
+        else:
+            _everyone(bus, where, halt)
+    if failed:
+        raise ServobusError("; ".join(failed))
+
+
+@verb(
+    "torque",
+    "servobus torque /dev/ttyUSB0 1 2 on",
+    "servobus torque /dev/ttyUSB0 all off",
+)
+@on_port
+@click.argument("ids", metavar="ID...|all", type=ID_OR_ALL, nargs=-1, required=True)
+@click.argument("state", metavar="on|off", type=click.Choice(["on", "off"]))
+def torque(port: str, where: Where, ids: Ids, state: str) -> None:
+    """Switch the torque of servos on PORT on or off.
+
+    On: each holds where it is, nothing jumps. Off: each shaft turns freely, so support what it carries.
+    `all off` is one broadcast per family, which every servo obeys at once and none answers.
+    """
+    wanted = _numbers(ids)
+    with opened(port) as bus:
+        if not wanted and state == "off":
+            _release_all(bus, where)
+            return
+        servos = find_all(bus, where, wanted) if wanted else _everyone(bus, where, lambda _: None)
+        if state == "on":
+            bus.torque_on(servos)
+        else:
+            bus.torque_off(servos)
+        for servo in servos:
+            click.echo(f"{servo.target}: torque {state}")
+            warn_alarms(servo)
+
+
+def _numbers(ids: Ids) -> list[int]:
+    """Give the ids that are named, none for `all`."""
+    if ALL in ids:
+        if len(ids) > 1:
+            raise click.UsageError("say either ids or `all`")
+        return []
+    numbers = [id for id in ids if isinstance(id, int)]
+    once(numbers)
+    return numbers
+
+
+def _everyone(bus: Bus, where: Where, at_once: Callable[[BusServo], None]) -> list[BusServo]:
+    """Find every servo, and do something with each as soon as it is found. Raises NoReply if there is none."""
+    servos: list[BusServo] = []
+
+    def watch(progress: Progress) -> None:
+        found = progress.found
+        if found is None or found.model is None:
+            return
+        # A watcher may use the bus: nothing is on its way while it is called.
+        servo = bus.attach(found.model, found.id, baud=found.baud, answers=found.identity.answers)
+        at_once(servo)
+        servos.append(servo)
+
+    for family, bauds in where.rounds():
+        bus.do(scan([family], bauds, range(LAST_ID + 1), watch))
+    if not servos:
+        raise NoReply(f"{bus.transport.name}: no servo answers ({where})")
+    return servos
+
+
+def _release_all(bus: Bus, where: Where) -> None:
+    for family, bauds in where.rounds():
+        model = next(model for model in MODELS.values() if model.family.name == family.name)
+        everyone = Target(BROADCAST, model, Answers.READS)
+        for baud in bauds:
+            bus.do(family.torque(everyone, on=False), baud=baud)
+    click.echo(f"torque off: told every servo ({where})")
+    note("nobody answers a broadcast; `servobus scan` shows who obeyed")

@@ -1,0 +1,84 @@
+"""`turn`: wheels."""
+
+import click
+
+from servobus import Bus, BusServo, ServobusError
+from servobus.cli.options import (
+    ANGLE,
+    SHARE,
+    SPEED,
+    Where,
+    find,
+    on_servo,
+    opened,
+    terminated_like_interrupted,
+    verb,
+)
+from servobus.cli.output import note, warn_alarms
+from servobus.units import show
+
+
+@verb(
+    "turn",
+    "servobus turn /dev/ttyUSB0 1 --output 30%      # RX-28, LX-16A",
+    "servobus turn /dev/ttyUSB0 219 --speed -90     # HerkuleX",
+    "servobus stop /dev/ttyUSB0 1",
+    "servobus turn /dev/ttyUSB0 1 --end --limits 20 280",
+)
+@on_servo
+@click.option("--output", type=SHARE, metavar="PERCENT", help="Share of full output, -100 to 100 %.")
+@click.option("--speed", type=SPEED, metavar="DEG/S", help="Speed, where the servo controls its speed.")
+@click.option("--end", is_flag=True, help="Stop turning and hold the position: back to angles.")
+@click.option("--limits", type=ANGLE, nargs=2, metavar="LOW HIGH", help="With --end: angle limits to set again.")
+def turn(
+    port: str,
+    id: int,
+    where: Where,
+    output: float | None,
+    speed: float | None,
+    end: bool,
+    limits: tuple[float, float] | None,
+) -> None:
+    """Turn the servo ID on PORT without end, as a wheel, until it is stopped.
+
+    Plus is the direction in which the position grows. Torque that is off is switched on. An RX-28 gives up
+    its angle limits for this; --end --limits sets them again.
+    """
+    if [output is not None, speed is not None, end].count(True) != 1:
+        raise click.UsageError("say one of --output, --speed and --end")
+    if limits is not None and not end:
+        raise click.UsageError("--limits goes with --end")
+    with opened(port) as bus, terminated_like_interrupted():
+        servo = find(bus, where, id)
+        if end:
+            servo.position_mode(limits)
+            click.echo(f"{servo.target} takes angles again, and holds {_here(servo)}")
+        else:
+            _turn(bus, servo, output, speed)
+        warn_alarms(servo)
+
+
+def _turn(bus: Bus, servo: BusServo, output: float | None, speed: float | None) -> None:
+    stance = bus.do(servo.family.stance(servo.target), baud=servo.baud)
+    try:
+        # First the mode and the speed, then the torque: a refusal leaves the servo as it was.
+        servo.turn(speed=speed, output=output)
+        if not stance.torque:
+            servo.torque_on()
+            note(f"torque switched on: id {servo.id}")
+    except KeyboardInterrupt:
+        try:
+            servo.stop()
+        except ServobusError as error:
+            note(f"servobus: {servo.target} may still turn: {error}")
+        raise
+    pace = show(speed, "rad/s") if speed is not None else show(output or 0.0, "1") + " of full output"
+    click.echo(f"{servo.target} turns at {pace}; `servobus stop {bus.transport.name} {servo.id}` stops it")
+    if not stance.turning:
+        row = servo.model.register("goal_position")
+        low, high = (show(row.decode(raw), "rad").removesuffix("°") for raw in (stance.low, stance.high))
+        note(f"back to angles: servobus turn {bus.transport.name} {servo.id} --end --limits {low} {high}")
+
+
+def _here(servo: BusServo) -> str:
+    return show(servo.read(servo.model.register("present_position")), "rad")
