@@ -1,0 +1,37 @@
+"""`set-id` and `set-baud`: under which name a servo is reached."""
+
+import click
+
+from servobus.cli.options import ID, Where, find, on_port, on_servo, opened, verb
+
+
+@verb("set-id", "servobus set-id /dev/ttyUSB0 1 7", "servobus set-id /dev/ttyUSB0 1 7 --family dynamixel")
+@on_port
+@click.argument("old", type=ID)
+@click.argument("new", type=ID)
+def set_id(port: str, where: Where, old: int, new: int) -> None:
+    """Give the servo OLD on PORT the id NEW, for good. Refused if a servo answers to NEW already.
+
+    New servos all have the same id: connect one alone, give it an id of its own, then the next.
+    """
+    with opened(port) as bus:
+        servo = find(bus, where, old)
+        servo.change_id(new)
+        click.echo(f"{servo.model.title} id {old} is now id {new}")
+
+
+@verb("set-baud", "servobus set-baud /dev/ttyUSB0 1 1000000", "servobus set-baud /dev/ttyUSB0 1 57600 --baud all")
+@on_servo
+@click.argument("new", metavar="BAUD", type=click.INT)
+def set_baud(port: str, id: int, where: Where, new: int) -> None:
+    """Set the servo ID on PORT to another speed, for good, and check that it answers there.
+
+    All servos on one bus should have the same speed.
+    """
+    with opened(port) as bus:
+        servo = find(bus, where, id)
+        old = servo.baud
+        servo.change_baud(new)
+        click.echo(f"{servo.target} talks at {new} baud now (before: {old})")
+        if new != servo.family.default_baud:
+            click.echo(f"find it with --baud {new}")

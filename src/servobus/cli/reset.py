@@ -1,0 +1,69 @@
+"""`reset` and `reboot`."""
+
+import time
+from pathlib import Path
+
+import click
+
+from servobus import ServobusError
+from servobus.cli.options import Where, find, on_servo, opened, verb
+from servobus.cli.output import note
+from servobus.cli.settings import write_backup
+from servobus.errors import BadValue, UsageError
+
+KEEPABLE = ("id", "baud", "calibration")
+
+
+@verb(
+    "reset",
+    "servobus reset /dev/ttyUSB0 1",
+    "servobus reset /dev/ttyUSB0 219 --keep id,baud --yes",
+)
+@on_servo
+@click.option("--keep", metavar="LIST", default="", help="Leave alone: id, baud, calibration (HerkuleX).")
+@click.option("--backup", "file", metavar="FILE", help="Where to save the settings first; else a name is chosen.")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bool) -> None:
+    """Restore the factory settings of the servo ID on PORT, id and speed included.
+
+    Its settings are saved to a file first, and the commands that undo the reset are printed.
+    """
+    kept = frozenset(word.strip() for word in keep.split(",") if word.strip())
+    if unknown := kept - set(KEEPABLE):
+        raise BadValue(f"--keep {', '.join(sorted(unknown))}: only {', '.join(KEEPABLE)} can be kept")
+    with opened(port) as bus:
+        servo = find(bus, where, id)
+        old_baud = servo.baud
+        saved = servo.backup()
+        less = f" but {', '.join(sorted(kept))}" if kept else ""
+        if not yes and not click.confirm(f"reset {servo} to factory settings, all{less}?"):
+            raise ServobusError("nothing was changed")
+        path = Path(file or time.strftime(f"{saved.model.key()}-id{id}-%Y%m%d-%H%M%S.toml"))
+        write_backup(saved, path)
+        try:
+            servo.reset(keep=kept)
+        except UsageError:
+            path.unlink()  # refused before anything was sent: there is nothing to undo
+            raise
+    click.echo(f"{saved.model.title} id {id} is reset: id {servo.id} at {servo.baud} baud now")
+    click.echo(f"its settings before are in {path}; to undo:")
+    click.echo(f"  servobus restore {port} {servo.id} {path}")
+    if servo.id != id:
+        click.echo(f"  servobus set-id {port} {servo.id} {id}")
+    if servo.baud != old_baud:
+        click.echo(f"  servobus set-baud {port} {id} {old_baud}")
+
+
+@verb("reboot", "servobus reboot /dev/ttyUSB0 219")
+@on_servo
+def reboot(port: str, id: int, where: Where) -> None:
+    """Restart the servo ID on PORT: its torque goes off, and what was not stored is forgotten.
+
+    Only HerkuleX servos have a command for that; the others are switched off and on.
+    """
+    with opened(port) as bus:
+        servo = find(bus, where, id)
+        servo.reboot()
+        servo.ping()
+        click.echo(f"{servo.target} restarted")
+    note("its torque is off")
