@@ -6,14 +6,14 @@ notes in docs/decisions.md.
 
 import math
 
+from servobus.families.base import Answers
+from servobus.families.dynamixel1 import Dynamixel1
 from servobus.framing import Corrupt, Packet
-from servobus.protocols.base import BROADCAST, Answers
 from servobus.protocols.dynamixel1 import (
     CLOCK,
     FRAMING,
     Action,
     Code,
-    Dynamixel1,
     Error,
     Ping,
     ReadData,
@@ -23,6 +23,7 @@ from servobus.protocols.dynamixel1 import (
     WriteData,
     parse_instruction,
 )
+from servobus.protocols.ids import BROADCAST
 from servobus.registers import Address, Register
 from servobus.virtual.memory import TABLE
 from servobus.virtual.servo import Replies, VirtualServo

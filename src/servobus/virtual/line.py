@@ -17,7 +17,7 @@ from collections.abc import Iterable, Sequence
 
 from servobus.errors import UsageError
 from servobus.framing import Corrupt, Decoder, Framing, Noise, Packet
-from servobus.protocols.base import BROADCAST
+from servobus.protocols.ids import BROADCAST
 from servobus.virtual.servo import VirtualServo
 from servobus.virtual.uart import BITS, EPSILON, Receiver, Run, Wave
 
@@ -69,7 +69,8 @@ class VirtualLine:
         self.run(now)
         if not data:
             return
-        self.regroup()
+        if self._settings() != self._placed:
+            self.regroup()
         baud = self.client_baud or self.servos[0].baud
         start = max(now, self._client_busy_until)
         wave = Wave(start, baud, bytes(data), None, plain=self.client_baud is None)
@@ -100,6 +101,11 @@ class VirtualLine:
             times.append(arriving.end)
         return min(times, default=None)
 
+    def next_arrival(self) -> float | None:
+        """Give the time at which the client has the last of the bytes that now come one behind the other."""
+        arriving = self._client.next_run(self._to_client)
+        return arriving.end if arriving else None
+
     # Time
 
     def run(self, now: float) -> None:
@@ -124,6 +130,10 @@ class VirtualLine:
         """Sort the servos anew, after their id or speed was changed other than by packets."""
         for servo in self.servos:
             self._place(servo)
+        self._placed = self._settings()
+
+    def _settings(self) -> list[tuple[int, float, float]]:
+        return [(servo.id, servo.baud, servo.garbage_timeout) for servo in self.servos]
 
     def _due(self) -> "list[tuple[float, _Group, Run | None]]":
         """Give the next event of each group: a run of bytes, or a pause too long (None)."""

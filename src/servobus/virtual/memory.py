@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from servobus.errors import BadValue
-from servobus.protocols.base import Model
+from servobus.families.base import Model
 from servobus.registers import Access, Address, Area, Eep, EepRam, Ram, Register
 
 TABLE, EEP, RAM = "table", "eep", "ram"

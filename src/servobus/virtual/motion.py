@@ -7,7 +7,7 @@ motor turns without load at the present supply voltage.
 import itertools
 from collections.abc import Sequence
 
-from servobus.protocols.base import Performance
+from servobus.families.base import Performance
 
 
 class Shaft:

@@ -14,8 +14,9 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar, TypeAlias
 
 from servobus.errors import BadValue, UnknownName, UsageError
+from servobus.families.base import Family, Model
 from servobus.framing import Corrupt, Packet
-from servobus.protocols.base import Family, Model, check_id
+from servobus.protocols.ids import check_id
 from servobus.registers import Register
 from servobus.virtual.memory import Memory
 from servobus.virtual.motion import Shaft, no_load_speed
@@ -208,8 +209,8 @@ def virtual_servo(
 
 
 def _firmware(family: type[Family]) -> type[VirtualServo]:
-    """Find the firmware of a family: that of servobus.protocols.x is in servobus.virtual.x."""
-    if family not in VirtualServo._kinds and family.__module__.startswith("servobus.protocols."):
+    """Find the firmware of a family: that of servobus.families.x is in servobus.virtual.x."""
+    if family not in VirtualServo._kinds and family.__module__.startswith("servobus.families."):
         importlib.import_module(f"{__package__}.{family.__module__.rpartition('.')[2]}")
     if family not in VirtualServo._kinds:
         raise UnknownName(f"there is no virtual servo for {family.title}")

@@ -1,0 +1,90 @@
+"""A drawer of virtual servos: one line for each family, side by side, behind one port.
+
+Real servos of two families cannot share a wire. In a drawer each family has its own; what the client sends
+goes to all of them, and what they answer comes back in the order of time.
+"""
+
+from collections.abc import Sequence
+
+from servobus.errors import UsageError
+from servobus.virtual.line import VirtualLine
+from servobus.virtual.servo import ROOM_TEMPERATURE, VirtualServo, virtual_servo
+from servobus.virtual.spec import Setup
+from servobus.virtual.state import StateFile
+
+
+class Drawer:
+    """Several lines with one client. Time is told from outside, as with a single line."""
+
+    def __init__(self, lines: Sequence[VirtualLine]) -> None:
+        if not lines:
+            raise UsageError("a drawer needs at least one line")
+        self.lines = list(lines)
+
+    @property
+    def servos(self) -> list[VirtualServo]:
+        return [servo for line in self.lines for servo in line.servos]
+
+    @property
+    def default_baud(self) -> int:
+        """The factory speed of the first family."""
+        return self.lines[0].family.default_baud
+
+    @property
+    def client_baud(self) -> float | None:
+        return self.lines[0].client_baud
+
+    @client_baud.setter
+    def client_baud(self, baud: float | None) -> None:
+        for line in self.lines:
+            line.client_baud = baud
+
+    def send(self, data: bytes, now: float) -> None:
+        """Let the client begin to send, behind what it is still sending."""
+        for line in self.lines:
+            line.send(data, now)
+
+    def receive(self, now: float) -> bytes:
+        """Give what the client has received whole by now and not been given yet."""
+        if len(self.lines) == 1:
+            return self.lines[0].receive(now)
+        timed = []
+        for line in self.lines:
+            for run in line.arrivals(now):
+                step = (run.end - run.start) / len(run.data)
+                timed += [(run.start + i * step, byte) for i, byte in enumerate(run.data)]
+        timed.sort(key=lambda item: item[0])  # stable: of two at once the first line's comes first
+        return bytes(byte for _, byte in timed)
+
+    def next_event(self) -> float | None:
+        """Give the time of the next thing that happens by itself; None if all is quiet."""
+        return min((time for line in self.lines if (time := line.next_event()) is not None), default=None)
+
+    def next_arrival(self) -> float | None:
+        """Give the time at which the client has the last of the bytes that now come one behind the other."""
+        return min((time for line in self.lines if (time := line.next_arrival()) is not None), default=None)
+
+    def advance(self, now: float) -> None:
+        """Bring everything, every servo included, up to now."""
+        for line in self.lines:
+            line.run(now)
+            for servo in line.servos:
+                servo.advance(now)
+
+
+def open_drawer(setup: Setup) -> Drawer:
+    """Make the servos that a setup names, at time 0. Raises UsageError."""
+    temperature = ROOM_TEMPERATURE if setup.temperature is None else setup.temperature
+    servos = [
+        virtual_servo(model, id, voltage=setup.voltage, temperature=temperature)
+        for model, ids in setup.servos
+        for id in ids
+    ]
+    if setup.state is not None:
+        StateFile(setup.state, servos)
+    families: dict[str, list[VirtualServo]] = {}
+    for servo in servos:
+        if setup.baud is not None:
+            servo.store_baud(setup.baud)
+        families.setdefault(servo.model.family.name, []).append(servo)
+    return Drawer([VirtualLine(members, echo=setup.echo) for members in families.values()])

@@ -1,0 +1,96 @@
+"""Virtual servos as a port of this process: `servobus.open("virtual:rx28@1-4,lx16a@7")`.
+
+With `clock=virtual` time passes only while someone waits, as fast as the computer can: a simulation runs
+faster than real time, and twice the same is the same to the byte.
+"""
+
+import time
+
+from servobus.errors import BadValue, PortError
+from servobus.transports.base import Transport
+from servobus.virtual.drawer import Drawer, open_drawer
+from servobus.virtual.servo import VirtualServo
+from servobus.virtual.spec import parse_url
+
+GRAIN = 200e-6
+"""s; on the real clock bytes are handed over in steps no finer than this."""
+
+
+class VirtualPort(Transport):
+    """A drawer of virtual servos as a transport. The clock starts at 0."""
+
+    def __init__(self, name: str, drawer: Drawer, *, real: bool = True) -> None:
+        self.name = name
+        self.drawer = drawer
+        self._real = real
+        # On the real clock whoever waits may be woken late.
+        self.latency = 0.005 if real else 0.0
+        self._now = 0.0
+        self._started = time.monotonic()
+        self._open = True
+        self.set_baud(drawer.default_baud)
+
+    @property
+    def servos(self) -> list[VirtualServo]:
+        """The servos, up to date."""
+        self.drawer.advance(self.now())
+        return self.drawer.servos
+
+    def write(self, data: bytes) -> None:
+        self._check()
+        self.drawer.send(data, self.now())
+
+    def read(self, timeout: float) -> bytes:
+        self._check()
+        now = self.now()
+        deadline = now + timeout
+        while True:
+            if data := self.drawer.receive(now):
+                return data + self._rest(now, deadline)
+            if now >= deadline:
+                return b""
+            event = self.drawer.next_event()
+            now = self._wait_until(deadline if event is None else min(event, deadline))
+
+    def set_baud(self, baud: int) -> None:
+        if baud <= 0:
+            raise BadValue(f"{baud} is not a speed in baud")
+        self.baud = baud
+        self.drawer.client_baud = baud
+
+    def close(self) -> None:
+        self._open = False
+
+    def blocking(self) -> bool:
+        return self._real
+
+    def now(self) -> float:
+        return time.monotonic() - self._started if self._real else self._now
+
+    def sleep(self, seconds: float) -> None:
+        if seconds > 0:
+            self._wait_until(self.now() + seconds)
+
+    def _rest(self, now: float, deadline: float) -> bytes:
+        """On the virtual clock, wait for what comes right behind: one piece is cheaper than many bytes."""
+        arrival = self.drawer.next_arrival()
+        if self._real or arrival is None or arrival > deadline or now >= deadline:
+            return b""
+        return self.drawer.receive(self._wait_until(arrival))
+
+    def _wait_until(self, moment: float) -> float:
+        if self._real:
+            time.sleep(max(moment - self.now(), 0) + GRAIN)
+            return self.now()
+        self._now = max(self._now, moment)
+        return self._now
+
+    def _check(self) -> None:
+        if not self._open:
+            raise PortError(f"{self.name} is closed")
+
+
+def connect(spec: str) -> VirtualPort:
+    """Make a port of virtual servos: "virtual:rx28@1-4?clock=virtual&voltage=12". Raises UsageError."""
+    setup = parse_url(spec)
+    return VirtualPort(spec, open_drawer(setup), real=setup.clock == "real")
