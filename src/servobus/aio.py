@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from servobus.driver import Driver
-from servobus.errors import BusError
+from servobus.errors import BusError, NoReply
 from servobus.exchange import Exchange, Job, Pause, Procedure, SetBaud, Step
 from servobus.families.base import Target
 from servobus.operation import Awaiting
@@ -159,12 +159,26 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             return await self._exchange(step)
         await self._wait_until_clear()
         if isinstance(step, SetBaud):
-            self.transport.set_baud(step.baud)
+            self._set_baud(step.baud)
         elif isinstance(step, Pause):
-            await self._sleep(step.seconds)
+            await self._pause(step.seconds)
         return None
 
     async def _exchange(self, exchange: Exchange[T]) -> T:
+        try:
+            return await self._attempt(exchange)
+        except BusError as error:
+            pause = self._second_try(exchange, error)
+            if pause is None:
+                raise
+            first = error
+        await self._pause(pause)
+        try:
+            return await self._attempt(exchange)
+        except NoReply:
+            raise first from None  # the first error says more, or the same
+
+    async def _attempt(self, exchange: Exchange[T]) -> T:
         await self._wait_until_clear()
         collector, deadline = self._send(exchange)
         while not collector.done and (left := deadline - self.transport.now()) > 0:
@@ -174,9 +188,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         return self._judge(collector)
 
     async def _wait_until_clear(self) -> None:
-        ahead = self._clear_at - self.transport.now()
-        if ahead > 0:
-            await self._sleep(ahead)
+        await self._pause(self._clear_at - self.transport.now())
 
     # Waiting, the asynchronous way
 
@@ -198,8 +210,9 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             loop.remove_reader(fd)
         return transport.read(0)
 
-    async def _sleep(self, seconds: float) -> None:
-        if self.transport.blocking():
-            await asyncio.sleep(seconds)
-        else:
-            self.transport.sleep(seconds)
+    async def _pause(self, seconds: float) -> None:
+        if seconds > 0:
+            if self.transport.blocking():
+                await asyncio.sleep(seconds)
+            else:
+                self.transport.sleep(seconds)

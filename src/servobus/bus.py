@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Any, Self, TypeVar
 
 from servobus.driver import Driver
-from servobus.errors import BusError
+from servobus.errors import BusError, NoReply
 from servobus.exchange import Exchange, Job, Pause, Procedure, SetBaud, Step
 from servobus.families.base import Target
 from servobus.operation import Blocking
@@ -144,12 +144,26 @@ class Bus(Blocking, Driver[BusServo]):
             return self._exchange(step)
         self._wait_until_clear()
         if isinstance(step, SetBaud):
-            self.transport.set_baud(step.baud)
+            self._set_baud(step.baud)
         elif isinstance(step, Pause):
-            self.transport.sleep(step.seconds)
+            self._pause(step.seconds)
         return None
 
     def _exchange(self, exchange: Exchange[T]) -> T:
+        try:
+            return self._attempt(exchange)
+        except BusError as error:
+            pause = self._second_try(exchange, error)
+            if pause is None:
+                raise
+            first = error
+        self._pause(pause)
+        try:
+            return self._attempt(exchange)
+        except NoReply:
+            raise first from None  # the first error says more, or the same
+
+    def _attempt(self, exchange: Exchange[T]) -> T:
         self._wait_until_clear()
         collector, deadline = self._send(exchange)
         while not collector.done and (left := deadline - self.transport.now()) > 0:
@@ -159,6 +173,8 @@ class Bus(Blocking, Driver[BusServo]):
         return self._judge(collector)
 
     def _wait_until_clear(self) -> None:
-        ahead = self._clear_at - self.transport.now()
-        if ahead > 0:
-            self.transport.sleep(ahead)
+        self._pause(self._clear_at - self.transport.now())
+
+    def _pause(self, seconds: float) -> None:
+        if seconds > 0:
+            self.transport.sleep(seconds)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Generic, TypeVar
 
 from servobus import models, procedures
-from servobus.errors import BusError, UnknownName
+from servobus.errors import BusError, Refused, UnknownName
 from servobus.exchange import Collector, Exchange, Procedure, SetBaud
 from servobus.families.base import Answers, Family, Model, Target
 from servobus.operation import Operation
@@ -38,6 +38,8 @@ class Driver(ABC, Generic[S]):
         self.survey = Survey()
         """What the last scan saw, what made no sense included."""
         self._servos: list[S] = []
+        self._switched_at = -procedures.QUIET
+        """Time at which the speed last changed."""
         self._clear_at = 0.0
         """Time at which the last of our bytes has left."""
 
@@ -104,9 +106,6 @@ class Driver(ABC, Generic[S]):
         """
         self.survey = yield from procedures.scan(self._families(family), self._speeds(bauds), ids, watch)
         servos = [servo for found in self.survey.found if (servo := self._adopt(found)) is not None]
-        for servo in servos:
-            yield SetBaud(servo.baud)
-            servo.state = yield from procedures.look(servo.target)
         return servos
 
     @Operation
@@ -179,7 +178,11 @@ class Driver(ABC, Generic[S]):
         if found.model is None:
             return None
         identity = found.identity
-        return self.attach(found.model, found.id, baud=found.baud, answers=identity.answers, firmware=identity.firmware)
+        servo = self.attach(
+            found.model, found.id, baud=found.baud, answers=identity.answers, firmware=identity.firmware
+        )
+        servo.state = found.state
+        return servo
 
     def _chosen(self, ids: Iterable[int] | None) -> list[S]:
         return list(self) if ids is None else [self[id] for id in ids]
@@ -214,6 +217,21 @@ class Driver(ABC, Generic[S]):
         if exchange.reply is not None:
             patience += exchange.turnaround + exchange.reply_size * byte_time
         return collector, leaves + patience
+
+    def _set_baud(self, baud: int) -> None:
+        if baud != self.transport.baud:
+            self.transport.set_baud(baud)
+            self._switched_at = self.transport.now()
+
+    def _second_try(self, exchange: Exchange[Any], error: BusError) -> float | None:
+        """Tell how long to wait before asking once more; None if the error stands.
+
+        Only what can be repeated without harm is. Servos hear what is sent at another speed as garbage; one
+        that took it for the start of a packet misses the next request, until it has been quiet for a while.
+        """
+        if not exchange.repeatable or isinstance(error, Refused):
+            return None
+        return max(0.0, self._switched_at + procedures.QUIET - self.transport.now())
 
     def _judge(self, collector: Collector[T]) -> T:
         """Turn what was collected into the result, or raise."""

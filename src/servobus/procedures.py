@@ -2,13 +2,13 @@
 
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from servobus import models
 from servobus.errors import BadValue, BusError, MoveTimeout, NoReply, TorqueOff, UsageError
 from servobus.exchange import Pause, Procedure, SetBaud, ask
-from servobus.families.base import Family, Identity, Leg, Model, Target
+from servobus.families.base import Answers, Family, Identity, Leg, Model, Target
 from servobus.protocols.ids import LAST_ID, check_id
 from servobus.registers import Area, Register
 from servobus.units import deg, show
@@ -159,6 +159,8 @@ class Found:
     baud: int
     identity: Identity
     model: type[Model] | None
+    state: State | None
+    """None for a servo whose registers cannot be read: an unknown model, or one that answers nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,6 +198,10 @@ class Survey:
     troubles: list[Trouble] = field(default_factory=list)
 
 
+QUIET = 0.21
+"""Seconds to wait after a change of speed: servos that took what they heard at the old one for the start of a
+packet forget it after this time at the latest (HerkuleX, Packet Garbage Check Period: 201.6 ms)."""
+
 Watcher = Callable[[Progress], None]
 
 
@@ -215,21 +221,32 @@ def scan(
     done = 0
     for baud, family in sorted(rounds, key=lambda item: item[0]):
         yield SetBaud(baud)
+        yield Pause(QUIET)
         for id in wanted:
             done += 1
             found = None
             try:
-                yield from ask(family.ping(id))
-                identity = yield from family.identify(id)
-                found = Found(family, id, baud, identity, models.identified(family, identity.number))
+                # A scan mostly meets silence: it does not ask twice.
+                yield from ask(replace(family.ping(id), repeatable=False))
+                found = yield from _meet(family, id, baud)
                 survey.found.append(found)
             except NoReply:
-                pass  # nobody there: what a scan mostly meets
+                pass
             except BusError as error:
                 survey.troubles.append(Trouble(family, id, baud, error))
             if watch is not None:
                 watch(Progress(done, len(rounds) * len(wanted), family, baud, id, found))
     return survey
+
+
+def _meet(family: Family, id: int, baud: int) -> Procedure[Found]:
+    """Get to know a servo that is there."""
+    identity = yield from family.identify(id)
+    model = models.identified(family, identity.number)
+    state = None
+    if model is not None and identity.answers is not Answers.NOTHING:
+        state = yield from look(Target(id, model, identity.answers))
+    return Found(family, id, baud, identity, model, state)
 
 
 def find(families: Sequence[Family], bauds: Sequence[int] | None, id: int) -> Procedure[Found]:

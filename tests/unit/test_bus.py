@@ -248,3 +248,33 @@ def test_each_servo_is_spoken_to_at_its_own_speed() -> None:
     bus.attach(LX16A, 2)
     assert bus.read_all("present_temperature") == {1: 32.0, 2: 36.0}
     assert port.bauds == [1_000_000, 115_200]
+
+
+class TestSecondTry:
+    def test_a_lost_read_is_asked_once_more(self) -> None:
+        bus, port = bus_with(None, ANSWER)
+        assert bus.attach(RX28, 1).read(RX28.present_temperature) == 32.0
+        assert port.requests == [TEMPERATURE, TEMPERATURE]
+
+    def test_and_only_once(self) -> None:
+        bus, port = bus_with(None, None, ANSWER)
+        with pytest.raises(NoReply):
+            bus.attach(RX28, 1).read(RX28.present_temperature)
+        assert len(port.requests) == 2
+
+    def test_an_action_is_never_repeated(self) -> None:
+        bus, port = bus_with(None, OK)
+        with pytest.raises(NoReply):
+            bus.do(dynamixel1.action(1))
+        assert port.requests == ["FF FF 01 02 05 F7"]
+
+    def test_a_refusal_stands(self) -> None:
+        bus, port = bus_with("FF FF 01 02 08 F4", OK)
+        with pytest.raises(Refused):
+            bus.attach(RX28, 1).write(RX28.led, True)
+        assert len(port.requests) == 1
+
+    def test_after_a_change_of_speed_it_waits_until_servos_have_forgotten_half_a_packet(self) -> None:
+        bus, port = bus_with(None, ANSWER)
+        bus.attach(RX28, 1, baud=1_000_000).read(RX28.present_temperature)
+        assert port.now() > 0.2016  # Packet Garbage Check Period, HerkuleX manual 4-2 NO 35
