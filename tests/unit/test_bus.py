@@ -268,6 +268,12 @@ class TestSecondTry:
             bus.do(dynamixel1.action(1))
         assert port.requests == ["FF FF 01 02 05 F7"]
 
+    def test_nor_is_a_write(self) -> None:
+        bus, port = bus_with(None, OK)
+        with pytest.raises(NoReply):
+            bus.attach(RX28, 1).write(RX28.led, True)
+        assert len(port.requests) == 1
+
     def test_a_refusal_stands(self) -> None:
         bus, port = bus_with("FF FF 01 02 08 F4", OK)
         with pytest.raises(Refused):

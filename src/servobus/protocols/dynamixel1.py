@@ -223,7 +223,7 @@ def _refusal(what: str, packet: Packet) -> None:
         raise Refused(f"{what}: refused, {said}", int(error))
 
 
-def _exchange(what: str, message: Instruction, *, answered: bool, repeatable: bool = True) -> Exchange[None]:
+def _exchange(what: str, message: Instruction, *, answered: bool, repeatable: bool = False) -> Exchange[None]:
     def interpret(packet: Packet) -> None:
         _refusal(what, packet)
 
@@ -245,7 +245,7 @@ LONGEST_DELAY = 254 * 2e-6
 
 def ping(id: int) -> Exchange[None]:
     """PING: always answered, except to the broadcast id (3-5-5, ED-19)."""
-    return _exchange(f"PING id {id}", Ping(id), answered=id != BROADCAST)
+    return _exchange(f"PING id {id}", Ping(id), answered=id != BROADCAST, repeatable=True)
 
 
 def read_data(id: int, address: int, length: int) -> Exchange[bytes]:
@@ -285,12 +285,12 @@ def reg_write(id: int, address: int, data: bytes, *, answered: bool = True) -> E
 
 def action(id: int = BROADCAST, *, answered: bool = True) -> Exchange[None]:
     """ACTION: carry out the kept writes, of all servos by default (3-5-4)."""
-    return _exchange(f"ACTION id {id}", Action(id), answered=answered and id != BROADCAST, repeatable=False)
+    return _exchange(f"ACTION id {id}", Action(id), answered=answered and id != BROADCAST)
 
 
 def reset(id: int, *, answered: bool = True) -> Exchange[None]:
     """RESET the control table to factory values; the id becomes 1 (3-5-6)."""
-    return _exchange(f"RESET id {id}", Reset(id), answered=answered and id != BROADCAST, repeatable=False)
+    return _exchange(f"RESET id {id}", Reset(id), answered=answered and id != BROADCAST)
 
 
 def sync_write(address: int, data: Mapping[int, bytes]) -> Exchange[None]:

@@ -430,12 +430,12 @@ def stat(id: int) -> Exchange[Ack]:
 
 def rollback(id: int, keep: Keep = Keep.NOTHING, *, answered: bool = False) -> Exchange[None]:
     """ROLLBACK: factory values into EEP; the next start takes them over (6-8)."""
-    return _command(f"ROLLBACK id {id}", Rollback(id, keep), answered, repeatable=False)
+    return _command(f"ROLLBACK id {id}", Rollback(id, keep), answered)
 
 
 def reboot(id: int, *, answered: bool = False) -> Exchange[None]:
     """REBOOT (6-9). The servo hears nothing for BOOT_TIME afterwards."""
-    return _command(f"REBOOT id {id}", Reboot(id), answered, repeatable=False)
+    return _command(f"REBOOT id {id}", Reboot(id), answered)
 
 
 def exchange(
@@ -446,10 +446,10 @@ def exchange(
     )
 
 
-def _command(what: str, message: Request, answered: bool, *, repeatable: bool = True) -> Exchange[None]:
+def _command(what: str, message: Request, answered: bool) -> Exchange[None]:
     # A JOG is answered by the servo in its header, not by those in its list (H-89).
     reply = Reply(message.id, _CODES[type(message)] | ACK, (2,)) if answered and message.id != BROADCAST else None
-    return exchange(what, message, sent, reply, repeatable=repeatable)
+    return exchange(what, message, sent, reply, repeatable=False)
 
 
 def _reading(message: EepRead | RamRead) -> Exchange[bytes]:
