@@ -64,6 +64,13 @@ class Drawer:
         """Give the time at which the client has the last of the bytes that now come one behind the other."""
         return min((time for line in self.lines if (time := line.next_arrival()) is not None), default=None)
 
+    def next_look(self, grain: float) -> float | None:
+        """Give the time to look again: of the next event, or up to `grain` s later if that brings a longer piece."""
+        event, arrival = self.next_event(), self.next_arrival()
+        if event is None or arrival is None:
+            return event
+        return max(event, min(event + grain, arrival))
+
     def advance(self, now: float) -> None:
         """Bring everything, every servo included, up to now."""
         for line in self.lines:

@@ -13,7 +13,7 @@ from servobus.virtual.servo import VirtualServo
 from servobus.virtual.spec import parse_url
 
 GRAIN = 200e-6
-"""s; on the real clock bytes are handed over in steps no finer than this."""
+"""s; bytes that arrive within this time of each other are handed over in one piece."""
 
 
 class VirtualPort(Transport):
@@ -46,11 +46,11 @@ class VirtualPort(Transport):
         deadline = now + timeout
         while True:
             if data := self.drawer.receive(now):
-                return data + self._rest(now, deadline)
+                return data
             if now >= deadline:
                 return b""
-            event = self.drawer.next_event()
-            now = self._wait_until(deadline if event is None else min(event, deadline))
+            look = self.drawer.next_look(GRAIN)
+            now = self._wait_until(deadline if look is None else min(look, deadline))
 
     def set_baud(self, baud: int) -> None:
         if baud <= 0:
@@ -71,16 +71,9 @@ class VirtualPort(Transport):
         if seconds > 0:
             self._wait_until(self.now() + seconds)
 
-    def _rest(self, now: float, deadline: float) -> bytes:
-        """On the virtual clock, wait for what comes right behind: one piece is cheaper than many bytes."""
-        arrival = self.drawer.next_arrival()
-        if self._real or arrival is None or arrival > deadline or now >= deadline:
-            return b""
-        return self.drawer.receive(self._wait_until(arrival))
-
     def _wait_until(self, moment: float) -> float:
         if self._real:
-            time.sleep(max(moment - self.now(), 0) + GRAIN)
+            time.sleep(max(moment - self.now(), 0))
             return self.now()
         self._now = max(self._now, moment)
         return self._now
