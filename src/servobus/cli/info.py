@@ -11,6 +11,9 @@ from servobus.families.base import Model
 from servobus.registers import Access, Register
 from servobus.units import show
 
+WIDEST = 24
+"""Columns that a value may take before it is folded."""
+
 
 @verb("info", "servobus info /dev/ttyUSB0 1", "servobus info virtual:lx16a@1 1 --json")
 @on_servo
@@ -26,17 +29,23 @@ def info(port: str, id: int, where: Where, json: bool) -> None:
         alarms = servo.alarm_text().split("+") if servo.alarms else []
         print_json({**identity(servo), "alarms": alarms, "registers": registers, "sheet": sheet(servo.model)})
         return
-    from rich.table import Table  # noqa: PLC0415 - rich is slow to import and not always wanted
+    from rich.table import Column, Table  # noqa: PLC0415 - rich is slow to import and not always wanted
 
     out = console()
     out.print(str(servo), style="bold", markup=False)
     out.print(f"firmware {servo.firmware or 'unknown: it cannot be asked'}", markup=False)
     for line in _sheet_lines(servo.model):
         out.print(line, markup=False)
-    table = Table("register", "value", "meaning", box=None, pad_edge=False, show_edge=False)
-    table.columns[0].no_wrap = True
-    for row, raw in raws.items():
-        value = "no answer" if raw is None else text(row, raw)
+    values = {row: "no answer" if raw is None else text(row, raw) for row, raw in raws.items()}
+    table = Table(
+        # One line for each register; `servobus registers` has room for all of the meaning.
+        Column("register", no_wrap=True, min_width=max(len(row.name) for row in raws)),
+        Column("value", overflow="fold", min_width=min(max(map(len, values.values())), WIDEST)),
+        Column("meaning", no_wrap=True),
+        box=None,
+        pad_edge=False,
+    )
+    for row, value in values.items():
         table.add_row(row.name, value, row.meaning, style="dim" if row.access is Access.READ else None)
     out.print()
     out.print(table)

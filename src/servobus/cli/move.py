@@ -79,7 +79,7 @@ def move(
                 under_way.wait()
         except KeyboardInterrupt:
             _halt(servos)
-            raise
+            raise click.exceptions.Exit(130) from None
         except MoveTimeout:
             _report(bus, servos, angles, json=json)
             raise
@@ -95,6 +95,8 @@ def _goals(texts: Sequence[str]) -> dict[int, float]:
             raise click.UsageError(f"{id!r} is not an id: write ID=ANGLE, such as 1=90")
         try:
             pairs.append((check_id(int(id)), parse(angle, "rad")))
+        except UsageError:
+            raise
         except ValueError as error:
             raise BadValue(f"id {id}: {error}") from None
     once(id for id, _ in pairs)
@@ -147,7 +149,7 @@ def _start(
 
 def _halt(servos: Sequence[BusServo]) -> None:
     """Stop all of them, whatever else goes wrong."""
-    note("")
+    note("")  # the terminal shows ^C: what comes next starts on a line of its own
     for servo in servos:
         try:
             servo.stop()

@@ -1,15 +1,16 @@
 """`reset` and `reboot`."""
 
+import shlex
 import time
 from pathlib import Path
 
 import click
 
-from servobus import ServobusError
+from servobus import Bus, BusServo, NoReply, ServobusError
 from servobus.cli.options import Where, find, on_servo, opened, verb
 from servobus.cli.output import note
 from servobus.cli.settings import write_backup
-from servobus.errors import BadValue, UsageError
+from servobus.errors import BadValue, BusError, UsageError
 
 KEEPABLE = ("id", "baud", "calibration")
 
@@ -34,6 +35,8 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
     with opened(port) as bus:
         servo = find(bus, where, id)
         old_baud = servo.baud
+        if "id" not in kept:
+            _make_sure_free(bus, servo)
         saved = servo.backup()
         less = f" but {', '.join(sorted(kept))}" if kept else ""
         if not yes and not click.confirm(f"reset {servo} to factory settings, all{less}?"):
@@ -47,11 +50,29 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
             raise
     click.echo(f"{saved.model.title} id {id} is reset: id {servo.id} at {servo.baud} baud now")
     click.echo(f"its settings before are in {path}; to undo:")
-    click.echo(f"  servobus restore {port} {servo.id} {path}")
+    port = shlex.quote(port)
+    click.echo(f"  servobus restore {port} {servo.id} {shlex.quote(str(path))}")
     if servo.id != id:
         click.echo(f"  servobus set-id {port} {servo.id} {id}")
     if servo.baud != old_baud:
         click.echo(f"  servobus set-baud {port} {id} {old_baud}")
+
+
+def _make_sure_free(bus: Bus, servo: BusServo) -> None:
+    """Refuse a reset that would leave two servos with one id, which nothing but unplugging one can undo."""
+    factory = servo.model.register("id").default
+    if factory is None or factory == servo.id:
+        return
+    try:
+        bus.do(servo.family.ping(factory), baud=servo.family.default_baud)
+    except NoReply:
+        return
+    except BusError:
+        pass  # something answers, however badly
+    raise UsageError(
+        f"{servo.target} would get the factory id {factory}, and another servo answers to that already; "
+        f"give that one another id first (`servobus set-id`), or connect this one alone"
+    )
 
 
 @verb("reboot", "servobus reboot /dev/ttyUSB0 219")

@@ -1,7 +1,8 @@
 """`scan`: who is on this port."""
 
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,6 +12,9 @@ from servobus.cli.output import console, note, print_json
 from servobus.procedures import Found, Progress, Trouble
 from servobus.procedures import scan as scan_procedure
 from servobus.protocols.ids import LAST_ID
+
+if TYPE_CHECKING:
+    import rich.progress
 
 
 @verb(
@@ -34,12 +38,13 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     troubles: list[Trouble] = []
     with opened(port) as bus, ExitStack() as stack:
         total = len(wanted) * sum(len(bauds) for _, bauds in rounds)
-        advance = _progress_bar(stack, total)
+        bar = Bar(stack, total)
 
         def watch(progress: Progress) -> None:
-            advance(progress)
             if progress.found is not None and not json:
-                click.echo(_line(bus, progress.found))
+                with bar.hidden():
+                    click.echo(_line(bus, progress.found))
+            bar.advance()
 
         for family, bauds in rounds:
             survey = bus.do(scan_procedure([family], bauds, wanted, watch))
@@ -81,15 +86,28 @@ def _line(bus: Bus, found: Found) -> str:
     return str(servo)
 
 
-def _progress_bar(stack: ExitStack, total: int) -> Callable[[Progress], None]:
-    """Show on stderr how far it is, if that is a terminal."""
-    err = console(stderr=True)
-    if not err.is_terminal:
-        return lambda _: None
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415 - slow to import
+class Bar:
+    """Shows on stderr how far a scan is, if that is a terminal."""
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    bar = stack.enter_context(Progress(*columns, console=err, transient=True))
-    task = bar.add_task("scanning", total=total)
+    def __init__(self, stack: ExitStack, total: int) -> None:
+        err = console(stderr=True)
+        self._bar: rich.progress.Progress | None = None
+        if err.is_terminal:
+            from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415 - slow to import
 
-    return lambda _: bar.advance(task)
+            columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+            self._bar = stack.enter_context(Progress(*columns, console=err, transient=True))
+            self._task = self._bar.add_task("scanning", total=total)
+
+    def advance(self) -> None:
+        if self._bar is not None:
+            self._bar.advance(self._task)
+
+    @contextmanager
+    def hidden(self) -> Iterator[None]:
+        """Take the bar away while something else is printed, perhaps on the same terminal."""
+        if self._bar is not None:
+            self._bar.stop()
+        yield
+        if self._bar is not None:
+            self._bar.start()

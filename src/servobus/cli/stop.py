@@ -29,7 +29,7 @@ Ids = tuple[int | Literal["all"], ...]
     "stop",
     "servobus stop /dev/ttyUSB0 1 2",
     "servobus stop /dev/ttyUSB0 all --family lewansoul",
-    "servobus torque /dev/ttyUSB0 all off     # quickest: one broadcast, all go limp",
+    "servobus torque /dev/ttyUSB0 all off    # quickest: one broadcast",
 )
 @on_port
 @click.argument("ids", metavar="ID...|all", type=ID_OR_ALL, nargs=-1, required=True)

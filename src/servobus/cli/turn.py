@@ -1,5 +1,7 @@
 """`turn`: wheels."""
 
+import shlex
+
 import click
 
 from servobus import Bus, BusServo, ServobusError
@@ -52,7 +54,7 @@ def turn(
         servo = find(bus, where, id)
         if end:
             servo.position_mode(limits)
-            click.echo(f"{servo.target} takes angles again, and holds {_here(servo)}")
+            click.echo(f"{servo.target} takes angles again; it is at {_here(servo)}")
         else:
             _turn(bus, servo, output, speed)
         warn_alarms(servo)
@@ -73,11 +75,12 @@ def _turn(bus: Bus, servo: BusServo, output: float | None, speed: float | None) 
             note(f"servobus: {servo.target} may still turn: {error}")
         raise
     pace = show(speed, "rad/s") if speed is not None else show(output or 0.0, "1") + " of full output"
-    click.echo(f"{servo.target} turns at {pace}; `servobus stop {bus.transport.name} {servo.id}` stops it")
+    port = shlex.quote(bus.transport.name)
+    click.echo(f"{servo.target} turns at {pace}; `servobus stop {port} {servo.id}` stops it")
     if not stance.turning:
         row = servo.model.register("goal_position")
         low, high = (show(row.decode(raw), "rad").removesuffix("°") for raw in (stance.low, stance.high))
-        note(f"back to angles: servobus turn {bus.transport.name} {servo.id} --end --limits {low} {high}")
+        note(f"back to angles: servobus turn {port} {servo.id} --end --limits {low} {high}")
 
 
 def _here(servo: BusServo) -> str:

@@ -91,7 +91,9 @@ def _encode(servo: BusServo, row: Register[Any], value: str) -> int:
     # These two change under which name the servo is reached, which needs care that a plain write does not take.
     for name, other in (("id", "set-id"), ("baud", "set-baud")):
         if row is servo.model.registers.get(servo.model.aliases.get(name, name)):
-            raise UsageError(f"{row.name} is changed by `servobus {other}`, which makes sure that it can be")
+            raise UsageError(
+                f"{row.model} {row.name} is changed by `servobus {other}`, which checks first that it can be"
+            )
     return row.encode(row.parse(value))
 
 

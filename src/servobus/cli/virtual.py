@@ -1,0 +1,97 @@
+"""`virtual`: be servos."""
+
+import shlex
+import signal
+import sys
+import threading
+from pathlib import Path
+from types import FrameType
+
+import click
+
+from servobus.cli.options import BAUD, UnitType, verb
+from servobus.cli.output import note
+from servobus.errors import BadValue
+from servobus.virtual.drawer import open_drawer
+from servobus.virtual.ports import serve_pty, serve_tcp
+from servobus.virtual.spec import Setup, parse_specs
+
+
+@verb(
+    "virtual",
+    "servobus virtual rx28@1-4,7",
+    "servobus virtual lx16a@1,2 --pty /tmp/arm --state arm.json",
+    "servobus virtual drs0602@219 --tcp 127.0.0.1:3333",
+    "",
+    "and then, in another terminal:",
+    "servobus scan /tmp/arm",
+)
+@click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
+@click.option("--pty", metavar="LINK", help="Make LINK a symbolic link to the terminal.")
+@click.option("--tcp", metavar="HOST:PORT", help="Serve a TCP port instead; port 0 takes any free one.")
+@click.option("--baud", type=BAUD, metavar="N", help="Speed the servos start with; else the factory speed.")
+@click.option("--state", metavar="FILE", help="Keep the EEPROM contents in FILE, so that they remember.")
+@click.option("--echo", is_flag=True, help="Give back what is sent, as some adapters do.")
+@click.option("--voltage", type=UnitType("volts", "V"), metavar="V", help="Supply; else the model's nominal voltage.")
+def virtual(
+    specs: tuple[str, ...],
+    pty: str | None,
+    tcp: str | None,
+    baud: int | str | None,
+    state: str | None,
+    echo: bool,
+    voltage: float | None,
+) -> None:
+    """Be servos on a pseudo terminal, which any program opens like a serial port, until interrupted.
+
+    SPEC is MODEL@IDS, such as rx28@1-4,7; `servobus models` lists the models. Servos of several families get
+    a wire each, behind one port. Prints `ready PATH` once they answer. Ctrl-C switches them off.
+    """
+    if pty and tcp:
+        raise click.UsageError("say either --pty or --tcp")
+    if isinstance(baud, str):
+        raise click.UsageError("--baud: servos have one speed, not all")
+    setup = Setup(
+        parse_specs(",".join(specs)),
+        echo=echo,
+        baud=baud,
+        voltage=voltage,
+        state=Path(state) if state else None,
+    )
+    address = _address(tcp) if tcp else None
+    stop = _stop_on_signals()
+    drawer = open_drawer(setup)
+    if address:
+        serve_tcp(drawer, *address, stop, _ready)
+    else:
+        serve_pty(drawer, Path(pty) if pty else None, stop, _ready)
+    if sys.stderr.isatty():
+        note("")  # the terminal shows ^C
+
+
+def _ready(name: str) -> None:
+    click.echo(f"ready {name}")
+    sys.stdout.flush()  # whoever waits for this line may wait on a pipe
+    if sys.stderr.isatty():
+        note(f"try: servobus scan {shlex.quote(name)}     (Ctrl-C here switches the servos off)")
+
+
+def _stop_on_signals() -> threading.Event:
+    """Give what is set by Ctrl-C, SIGTERM and the end of the terminal: all are the planned way to end."""
+    stop = threading.Event()
+
+    def handle(_signal: int, _frame: FrameType | None) -> None:
+        stop.set()
+
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):  # Windows has no SIGHUP
+            signal.signal(getattr(signal, name), handle)
+    return stop
+
+
+def _address(text: str) -> tuple[str, int]:
+    """Read HOST:PORT, [::1]:PORT or PORT."""
+    host, _, port = text.rpartition(":")
+    if not port.isdecimal() or int(port) > 65535:
+        raise BadValue(f"--tcp {text}: write HOST:PORT, such as 127.0.0.1:3333")
+    return host.strip("[]") or "127.0.0.1", int(port)
