@@ -1,0 +1,30 @@
+"""Empty the drawer onto one port: servos of two families, each at its own speed, in one program.
+
+    python examples/mixed_drawer.py [PORT]
+
+Without a port it takes two virtual RX-28 and two LX-16A. Expect a line for each, a table of temperatures,
+and all of them 15 degrees further on. The bus changes its speed for each family by itself; on a real
+port both kinds need wiring that carries both.
+"""
+
+import sys
+
+import servobus
+from servobus import deg
+
+port = sys.argv[1] if len(sys.argv) > 1 else "virtual:rx28@1-2,lx16a@3-4?clock=virtual"
+
+with servobus.open(port) as bus:
+    for servo in bus.scan(ids=range(1, 10)):
+        print(servo)
+    for trouble in bus.survey.troubles:
+        print(trouble)
+
+    print("temperatures:", {id: f"{value:.0f} °C" for id, value in bus.read_all("present_temperature").items()})
+
+    before = bus.read_all("present_position")
+    with bus.torque():
+        bus.move({id: angle + 15 * deg for id, angle in before.items()}, time=1.0).wait()
+        after = bus.read_all("present_position")
+    for id, angle in after.items():
+        print(f"{bus[id].model.title} id {id} turned by {(angle - before[id]) / deg:.1f}°")
