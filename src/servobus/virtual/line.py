@@ -13,7 +13,7 @@ that did would keep two servos of one id answering each other's answers for ever
 """
 
 import bisect
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from servobus.errors import UsageError
 from servobus.framing import Corrupt, Decoder, Framing, Noise, Packet
@@ -94,17 +94,22 @@ class VirtualLine:
     def next_event(self) -> float | None:
         """Give the time of the next thing that happens by itself; None if all is quiet."""
         times = [time for time, _, _ in self._due()]
-        arriving = self._client.next_run(self._to_client, 1)
         if self._arrived:
             times.append(self.now)
-        elif arriving:
-            times.append(arriving.end)
+        elif (first := self._first_arrival()) is not None:
+            times.append(first)
         return min(times, default=None)
 
     def next_arrival(self) -> float | None:
         """Give the time at which the client has the last of the bytes that now come one behind the other."""
         arriving = self._client.next_run(self._to_client)
         return arriving.end if arriving else None
+
+    def _first_arrival(self) -> float | None:
+        arriving = self._client.next_run(self._to_client)
+        if arriving is None:
+            return None
+        return arriving.start + (arriving.end - arriving.start) / len(arriving.data)
 
     # Time
 
@@ -123,8 +128,10 @@ class VirtualLine:
             self._client.since = run.resume
             self._arrived.append(run)
         self.now = max(self.now, now)
-        _forget(self._to_servos, [group.receiver for group in self._groups.values()], now)
-        _forget(self._to_client, [self._client], now)
+        if self._to_servos:
+            _forget(self._to_servos, min(group.receiver.since for group in self._groups.values()), now)
+        if self._to_client:
+            _forget(self._to_client, self._client.since, now)
 
     def regroup(self) -> None:
         """Sort the servos anew, after their id or speed was changed other than by packets."""
@@ -257,11 +264,9 @@ def _put(waves: list[Wave], wave: Wave) -> None:
     bisect.insort(waves, wave, key=_start_of)
 
 
-def _forget(waves: list[Wave], receivers: Sequence[Receiver], now: float) -> None:
+def _forget(waves: list[Wave], done: float, now: float) -> None:
     """Drop what every receiver is through with."""
-    if waves:
-        done = min(receiver.since for receiver in receivers)
-        waves[:] = [wave for wave in waves if wave.end > done + EPSILON and wave.end > now - KEPT]
+    waves[:] = [wave for wave in waves if wave.end > done + EPSILON and wave.end > now - KEPT]
 
 
 def _start_of(wave: Wave) -> float:

@@ -61,8 +61,9 @@ class Wave:
 
     def complete(self, until: float) -> int:
         """Count the bytes that are sent whole by then."""
-        count = math.floor((until - self.start + EPSILON) * self.baud / BITS) if until < self.end else len(self.data)
-        return max(0, min(count, len(self.data)))
+        if until >= self.end:
+            return len(self.data)
+        return max(0, min(math.floor((until - self.start + EPSILON) * self.baud / BITS), len(self.data)))
 
     def byte_at(self, since: float) -> int | None:
         """Give the index of the next byte for a receiver that waits for a start bit since then.
@@ -93,7 +94,7 @@ class Wave:
                 yield self.start + index / self.baud
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Run:
     """Bytes received back to back; `resume` is when the receiver waits for the next start bit."""
 
@@ -116,20 +117,20 @@ class Receiver:
     def next_run(self, waves: Sequence[Wave], limit: int | None = None, until: float = math.inf) -> Run | None:
         """Give the next bytes, without taking them: set `since` to the run's `resume` for that.
 
-        `waves` are in the order of their start. At most `limit` bytes, complete by `until`, are given. The
-        result holds as long as no wave that starts before its end is added.
+        `waves` are in the order of their start. At most `limit` bytes of the client, complete by `until`,
+        are given. The result holds as long as no wave that starts before its end is added.
         """
-        active = [wave for wave in waves if wave.end > self.since + EPSILON]
-        while active and active[0].byte_at(self.since) == len(active[0].data):
-            del active[0]  # only its last stop bit is left
+        active = [wave for wave in waves if wave.end > self.since + EPSILON] if waves else waves
         if not active:
             return None
         wave = active[0]
-        alone_until = active[1].start if len(active) > 1 else math.inf
-        index = wave.byte_at(self.since) if self._understands(wave) else None
-        if index is not None:
+        index = wave.byte_at(self.since)
+        if index == len(wave.data):  # only its last stop bit is left
+            return self.next_run(active[1:], limit, until)
+        if index is not None and (wave.plain or self.baud is None or understands(self.baud, wave.baud)):
+            alone_until = active[1].start if len(active) > 1 else math.inf
             stop = wave.complete(min(until, alone_until))
-            if limit is not None:
+            if limit is not None and wave.sender is None:
                 stop = min(stop, index + limit)
             if stop > index:
                 end = wave.time(stop)
@@ -137,9 +138,6 @@ class Receiver:
             if until <= alone_until:
                 return None
         return self._sample(active, until)
-
-    def _understands(self, wave: Wave) -> bool:
-        return wave.plain or self.baud is None or understands(self.baud, wave.baud)
 
     def _sample(self, waves: Sequence[Wave], until: float) -> Run | None:
         """Read one byte off the levels of the wire."""
