@@ -55,10 +55,10 @@ class Dancer:
 
     @property
     def middle(self) -> float:
-        """Middle of the model's range, rad."""
+        """Middle of the model's range to the degree, rad."""
         row = self.model.register("goal_position")
         low, high = (float(row.decode(limit)) for limit in row.limits)
-        return (low + high) / 2
+        return round((low + high) / 2 / deg) * deg
 
     def scan(self) -> list[BusServo]:
         servos = self.bus.scan(family=self.model.family, ids=self.ids)

@@ -1,5 +1,6 @@
 """`info`: one servo, all of it."""
 
+import textwrap
 from typing import Any
 
 from servobus import BusServo, NoReply
@@ -12,7 +13,7 @@ from servobus.registers import Access, Register
 from servobus.units import show
 
 WIDEST = 24
-"""Columns that a value may take before it is folded."""
+"""Columns that a value may take before its register's meaning makes room for it."""
 
 
 @verb("info", "servobus info /dev/ttyUSB0 1", "servobus info virtual:lx16a@1 1 --json")
@@ -29,26 +30,24 @@ def info(port: str, id: int, where: Where, json: bool) -> None:
         alarms = servo.alarm_text().split("+") if servo.alarms else []
         print_json({**identity(servo), "alarms": alarms, "registers": registers, "sheet": sheet(servo.model)})
         return
-    from rich.table import Column, Table  # noqa: PLC0415 - rich is slow to import and not always wanted
-
     out = console()
     out.print(str(servo), style="bold", markup=False)
     out.print(f"firmware {servo.firmware or 'unknown: it cannot be asked'}", markup=False)
     for line in _sheet_lines(servo.model):
         out.print(line, markup=False)
-    values = {row: "no answer" if raw is None else text(row, raw) for row, raw in raws.items()}
-    table = Table(
-        # One line for each register; `servobus registers` has room for all of the meaning.
-        Column("register", no_wrap=True, min_width=max(len(row.name) for row in raws)),
-        Column("value", overflow="fold", min_width=min(max(map(len, values.values())), WIDEST)),
-        Column("meaning", no_wrap=True),
-        box=None,
-        pad_edge=False,
-    )
-    for row, value in values.items():
-        table.add_row(row.name, value, row.meaning, style="dim" if row.access is Access.READ else None)
     out.print()
-    out.print(table)
+    values = {row: "no answer" if raw is None else text(row, raw) for row, raw in raws.items()}
+    name_width = max(len(row.name) for row in values)
+    value_width = max(len(value) for value in values.values() if len(value) <= WIDEST)
+    for row, value in values.items():
+        style = "dim" if row.access is Access.READ else None
+        first, *rest = textwrap.wrap(value, max(out.width - name_width - 3, WIDEST))
+        meaning = f"  {row.meaning}" if len(first) <= value_width else ""
+        line = f"{row.name:<{name_width}}  {first:<{value_width}}{meaning}"
+        # One line for each register; `servobus registers` has room for all of the meaning.
+        out.print(line, style=style, markup=False, no_wrap=True, overflow="ellipsis")
+        for more in rest:
+            out.print(" " * name_width + "  " + more, style=style, markup=False, no_wrap=True)
 
 
 def _read_all(servo: BusServo) -> dict[Register[Any], int | None]:

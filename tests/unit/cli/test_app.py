@@ -1,0 +1,105 @@
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+
+import pytest
+
+from servobus import __version__
+from servobus.cli.app import NAMES, VERBS, app
+from unit.cli.conftest import RX, Run
+
+HEAVY = ("rich", "serial", "asyncio", "servobus.virtual", "servobus.aio", "servobus.cli.options")
+
+
+def loaded_by(*args: str) -> set[str]:
+    """Run a command in a fresh interpreter and tell which modules it loaded."""
+    script = (
+        "import sys, json, io, contextlib\n"
+        "from servobus.cli import main\n"
+        f"sys.argv = ['servobus', *{list(args)!r}]\n"
+        "with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):\n"
+        "    main()\n"
+        "print(json.dumps(list(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return set(json.loads(done.stdout))
+
+
+def test_help_loads_click_and_little_else() -> None:
+    modules = loaded_by("--help")
+    assert "click" in modules
+    assert not {name for name in modules if name in HEAVY}
+
+
+def test_the_entry_point_itself_loads_nothing() -> None:
+    script = "import sys, servobus.cli; print('click' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_reading_a_virtual_servo_needs_neither_rich_nor_serial_nor_asyncio() -> None:
+    modules = loaded_by("read", RX, "1", "present_position")
+    assert not {"rich", "serial", "asyncio"} & modules
+
+
+def test_help_lists_every_verb_under_its_purpose(run: Run) -> None:
+    text = run("--help").stdout
+    for heading, verbs in VERBS.items():
+        assert f"{heading}:" in text
+        for name, (_, meaning) in verbs.items():
+            assert any(line.split()[:1] == [name] and line.endswith(meaning) for line in text.splitlines())
+
+
+def test_help_fits_80_columns(run: Run) -> None:
+    for args in ([], *([name] for name in NAMES)):
+        for line in run(*args, "--help").stdout.splitlines():
+            assert len(line) <= 80, line
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_verb_explains_itself_with_examples(run: Run, name: str) -> None:
+    text = run(name, "--help").stdout
+    examples = text.partition("Examples:\n")[2].splitlines()
+    assert examples
+    assert any(line.strip().startswith(f"servobus {name}") for line in examples)
+    assert app.get_command(None, name).help  # type: ignore[union-attr, arg-type]
+
+
+def test_version(run: Run) -> None:
+    assert run("--version").stdout == f"servobus {__version__}\n"
+
+
+def test_a_misspelt_verb_is_answered_with_the_right_one(refused: Callable[..., str]) -> None:
+    assert "did you mean 'scan'?" in refused("scna", code=2)
+    assert "--help` lists them all" in refused("xyzzy", code=2)
+
+
+def test_an_unknown_option_is_a_usage_error(refused: Callable[..., str]) -> None:
+    assert "--nope" in refused("scan", RX, "--nope", code=2)
+
+
+def test_python_dash_m() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "servobus", "read", "/no/such/port", "1", "id"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr == "servobus: /no/such/port: no such port; `servobus ports` lists what is plugged in\n"
+
+
+def test_a_reader_that_leaves_early_is_no_error() -> None:
+    command = f"{sys.executable} -m servobus registers drs0602 --json | head -1"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("[\n", "")
+
+
+def test_a_terminal_that_knows_only_ascii() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "servobus", "read", RX, "1", "present_temperature"],
+        capture_output=True, text=True, check=True, env={**os.environ, "PYTHONIOENCODING": "ascii"},
+    )  # fmt: skip
+    assert done.stdout == "present_temperature  25 ?C\n"

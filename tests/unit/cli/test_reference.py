@@ -1,0 +1,116 @@
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from serial.tools import list_ports
+
+from servobus import MODELS
+from servobus.registers import Address
+from unit.cli.conftest import Run
+
+
+def test_models_are_listed(run: Run) -> None:
+    lines = run("models").stdout.splitlines()
+    assert [line.split()[0] for line in lines[1:]] == ["rx28", "drs0602", "lx16a"]
+
+
+def test_models_as_json(load: Callable[..., Any]) -> None:
+    (rx, drs, lx) = load("models")
+    assert [one["family"] for one in (rx, drs, lx)] == ["dynamixel", "herkulex", "lewansoul"]
+    assert rx["angle"] == {"value": 300.0, "unit": "°"}
+    assert drs["performance"] == [
+        {
+            "voltage": {"value": 14.8, "unit": "V"},
+            "stall_torque": {"value": 7.6, "unit": "N·m"},
+            "speed": {"value": 365.8537, "unit": "°/s"},
+        }
+    ]
+    assert lx["number"] is None
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_registers_as_json(load: Callable[..., Any], model: str) -> None:
+    rows = load("registers", model)
+    assert [row["name"] for row in rows] == list(MODELS[model].registers)
+    wanted = {
+        "name",
+        "aliases",
+        "size",
+        "access",
+        "limits",
+        "default",
+        "unit",
+        "meaning",
+        "note",
+        "area",
+        "allowed",
+        "raw",
+    }
+    for row in rows:
+        assert set(row) - {"address", "command"} == wanted
+        assert ("address" in row) != ("command" in row)
+
+
+def test_where_registers_live(load: Callable[..., Any]) -> None:
+    (goal,) = load("registers", "rx28", "goal_position")
+    assert goal["address"] == MODELS["rx28"].register("goal_position").place.address == 30  # type: ignore[union-attr]
+    assert isinstance(MODELS["rx28"].register("goal_position").place, Address)
+    assert (goal["limits"], goal["unit"], goal["access"], goal["raw"]["limits"]) == ([0.0, 300.0], "°", "rw", [0, 1023])
+    (id, torque) = load("registers", "drs0602", "id", "torque_control")
+    assert (id["address"], torque["address"]) == ({"eep": 6, "ram": 0}, {"ram": 52})
+    (speed,) = load("registers", "lx16a", "motor_speed")
+    assert speed["command"] == {"write": 29, "read": 30, "byte": 2}
+
+
+def test_registers_are_found_by_alias(load: Callable[..., Any]) -> None:
+    (row,) = load("registers", "drs0602", "torque_enable")
+    assert (row["name"], row["aliases"]) == ("torque_control", ["torque_enable"])
+    assert row["allowed"] == ["free", "brake", "on"]
+
+
+def test_registers_for_people(run: Run) -> None:
+    text = run("registers", "RX-28").stdout
+    assert "goal_position" in text
+    assert "RAM 30, 2 bytes, read, write" in text
+    assert "    0.0° .. 300.0°" in text
+    assert max(map(len, text.splitlines())) <= 80
+
+
+def test_flags_and_choices_are_listed_as_they_are_typed(run: Run) -> None:
+    assert (
+        "any of over_temperature, over_voltage, locked_rotor, joined by +"
+        in run("registers", "lx16a", "led_error").stdout
+    )
+    assert "nothing, reads, everything; factory setting reads" in run("registers", "drs0602", "ack_policy").stdout
+
+
+def test_notes_are_shown_for_named_registers(run: Run) -> None:
+    assert "ED-16" in run("registers", "rx28", "registered_instruction").stdout
+    assert "ED-16" not in run("registers", "rx28").stdout
+
+
+def test_unknown_names(refused: Callable[..., str]) -> None:
+    assert "no model 'rx29'; did you mean rx28?" in refused("registers", "rx29")
+    assert "did you mean goal_position" in refused("registers", "rx28", "goal_positon")
+
+
+class FakePort:
+    def __init__(self, device: str, description: str) -> None:
+        self.device, self.description, self.hwid = device, description, "n/a"
+
+    def __lt__(self, other: "FakePort") -> bool:
+        return self.device < other.device
+
+
+def test_ports(run: Run, load: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    fakes = [FakePort("/dev/ttyUSB1", "n/a"), FakePort("/dev/ttyUSB0", "USB2Dynamixel")]
+    monkeypatch.setattr(list_ports, "comports", lambda: fakes)
+    assert run("ports").stdout == "/dev/ttyUSB0  USB2Dynamixel\n/dev/ttyUSB1\n"
+    assert load("ports")[0] == {"port": "/dev/ttyUSB0", "description": "USB2Dynamixel", "hardware": ""}
+
+
+def test_no_ports(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(list_ports, "comports", list)
+    result = run("ports")
+    assert result.stdout == ""
+    assert "no serial port is plugged in" in result.stderr

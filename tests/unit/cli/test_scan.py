@@ -1,0 +1,79 @@
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from servobus import RX28, Garbled
+from servobus.exchange import Pause, Procedure
+from servobus.families.base import Family
+from servobus.procedures import Survey, Trouble
+from unit.cli.conftest import ALL, LX, RX, Run
+
+
+@pytest.mark.parametrize("family", ALL)
+def test_scan_finds_who_is_there(load: Callable[..., Any], family: str) -> None:
+    port, id = ALL[family]
+    found = load("scan", port, "--family", family, "--ids", f"{id}-{id + 3}")
+    assert all(list(one) == ["family", "model", "id", "baud", "firmware"] for one in found)
+    assert found[0]["family"] == family
+    assert found[0]["id"] == id
+
+
+def test_scan_of_a_drawer(load: Callable[..., Any]) -> None:
+    found = load("scan", "virtual:rx28@1-3,lx16a@2?clock=virtual", "--ids", "0-4")
+    assert [(one["model"], one["id"], one["baud"]) for one in found] == [
+        ("rx28", 1, 57600), ("rx28", 2, 57600), ("rx28", 3, 57600), ("lx16a", 2, 115200),
+    ]  # fmt: skip
+
+
+def test_scan_for_people(run: Run) -> None:
+    lines = run("scan", RX).stdout.splitlines()
+    assert [line.partition(":")[0] for line in lines] == [f"RX-28 id {id} at 57600" for id in (1, 2, 3)]
+    assert "14.4 V, 25 °C, torque off" in lines[0]
+
+
+def test_other_speeds_are_found_with_baud(load: Callable[..., Any], run: Run) -> None:
+    port = "virtual:rx28@5?clock=virtual&baud=1000000"
+    options = ("--ids", "5", "--family", "dynamixel")
+    assert load("scan", port, *options) == []
+    assert "`--baud all` tries every speed" in run("scan", port, *options).stderr
+    assert load("scan", port, *options, "--baud", "1000000")[0]["baud"] == 1000000
+    assert load("scan", port, *options, "--baud", "all")[0]["baud"] == 1000000
+    assert load("scan", port, *options) == []
+
+
+def test_a_silent_port_is_no_error(run: Run) -> None:
+    result = run("scan", LX, "--ids", "100-103,107")
+    assert result.stdout == ""
+    assert "no servo answers (asked ids 100-103,107: dynamixel at 57600" in result.stderr
+
+
+def test_what_answers_without_sense_is_reported(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def garbled(families: list[Family], *_: object) -> Procedure[Survey]:
+        yield Pause(0)
+        return Survey(troubles=[Trouble(families[0], 3, 57600, Garbled("PING id 3: 2 bytes that are no packet"))])
+
+    monkeypatch.setattr("servobus.cli.scan.scan_procedure", garbled)
+    result = run("scan", RX, "--family", "dynamixel", "--json")
+    assert result.stdout == "[]\n"
+    assert "id 3 at 57600 baud: something answers, but not clearly (PING id 3: 2 bytes" in result.stderr
+
+
+def test_a_model_that_is_not_known_is_listed(
+    run: Run, load: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(RX28, "number", 29)
+    options = ("--family", "dynamixel", "--ids", "1")
+    assert run("scan", RX, *options).stdout == "id 1 at 57600: Dynamixel protocol 1.0 model 28, not known here\n"
+    assert load("scan", RX, *options)[0]["model"] is None
+
+
+def test_what_cannot_be_asked(refused: Callable[..., str]) -> None:
+    assert "254 is the broadcast id" in refused("scan", RX, "--ids", "250-254")
+    assert "3 is above 1" in refused("scan", RX, "--ids", "3-1")
+    assert "write it like 1-4,7" in refused("scan", RX, "--ids", "1..4", code=2)
+    assert "no family 'dynamixl'; did you mean dynamixel?" in refused("scan", RX, "--family", "dynamixl")
+    assert "neither a number of baud nor `all`" in refused("scan", RX, "--baud", "fast", code=2)
+    assert "0 is not a speed" in refused("scan", RX, "--baud", "0")
+    assert "no such port" in refused("scan", "/dev/does-not-exist")
+    assert "no model 'rx99'" in refused("scan", "virtual:rx99@1")

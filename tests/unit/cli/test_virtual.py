@@ -1,0 +1,108 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import servobus
+from servobus import RX28
+from unit.cli.conftest import Run
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo terminals and signals as on POSIX")
+
+
+@contextmanager
+def served(*args: str, end: signal.Signals = signal.SIGTERM) -> Iterator[str]:
+    """Serve virtual servos from another process, as other programs see them; give the port."""
+    command = [sys.executable, "-m", "servobus", "virtual", *args]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        word, _, port = process.stdout.readline().strip().partition(" ")
+        try:
+            assert word == "ready", process.communicate()
+            yield port
+        finally:
+            process.send_signal(end)
+            stdout, stderr = process.communicate(timeout=10)
+        assert (process.returncode, stdout, stderr) == (0, "", "")
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_terminal_with_a_link(tmp_path: Path, load: Callable[..., Any], end: signal.Signals) -> None:
+    link = tmp_path / "arm"
+    with served("rx28@1-2,7", "--pty", str(link), end=end) as port:
+        assert port == str(link)
+        assert link.is_symlink()
+        found = load("scan", port, "--ids", "0-8", "--family", "dynamixel")
+        assert [one["id"] for one in found] == [1, 2, 7]
+    assert not link.is_symlink()
+
+
+def test_a_terminal_without_a_link(load: Callable[..., Any]) -> None:
+    with served("lx16a@1,2") as port:
+        assert port.startswith("/dev/")
+        assert load("read", port, 2, "present_voltage", "--family", "lewansoul")["present_voltage"]["value"] == 7.4
+
+
+def test_a_tcp_port(load: Callable[..., Any]) -> None:
+    with served("rx28@3", "--tcp", "127.0.0.1:0") as port:
+        assert port.startswith("socket://127.0.0.1:")
+        assert load("read", port, 3, "id", "--family", "dynamixel")["id"]["value"] == 3
+
+
+def test_options_reach_the_servos(tmp_path: Path, load: Callable[..., Any]) -> None:
+    state = tmp_path / "state.json"
+    options = ("--baud", "1000000", "--voltage", "12V", "--echo", "--state", str(state))
+    with served("rx28@1", "rx28@2", *options) as port:
+        data = load("read", port, 2, "present_voltage", "--family", "dynamixel", "--baud", "1000000")
+        assert data["present_voltage"]["value"] == 12
+        with servobus.open(port, bauds=1000000) as bus:
+            bus.find(1, family="dynamixel").write(RX28.max_torque, 0.5)
+            assert bus.echo is True
+    assert json.loads(state.read_text())["servos"]
+
+
+def test_a_stale_link_is_replaced_and_one_in_use_is_not(tmp_path: Path, refused: Callable[..., str]) -> None:
+    link = tmp_path / "arm"
+    link.symlink_to("/dev/pts/99999")
+    with served("rx28@1", "--pty", str(link)) as port:
+        assert "is served by another program" in refused("virtual", "rx28@1", "--pty", port)
+        assert link.exists()
+
+
+def test_what_cannot_be_served(refused: Callable[..., str], tmp_path: Path) -> None:
+    assert "no model 'rx29'" in refused("virtual", "rx29@1")
+    assert "ids" in refused("virtual", "rx28@x")
+    assert "254" in refused("virtual", "rx28@254")
+    assert "write HOST:PORT" in refused("virtual", "rx28@1", "--tcp", "here")
+    assert "write HOST:PORT" in refused("virtual", "rx28@1", "--tcp", "h:70000")
+    assert "--voltage" in refused("virtual", "rx28@1", "--voltage", "much")
+    assert "either --pty or --tcp" in refused("virtual", "rx28@1", "--pty", "a", "--tcp", "1", code=2)
+    assert "not all" in refused("virtual", "rx28@1", "--baud", "all", code=2)
+    taken = tmp_path / "file"
+    taken.write_text("mine")
+    assert "is no link" in refused("virtual", "rx28@1", "--pty", taken)
+    assert taken.read_text() == "mine"
+    (tmp_path / "state").write_text("{}")
+    assert "state" in refused("virtual", "rx28@1", "--state", tmp_path / "state")
+
+
+def test_demo(run: Run) -> None:
+    text = run("demo", "--seconds", "0.5").stdout
+    for title in ("RX-28 id 4", "DRS-0602 id 220", "LX-16A id 3"):
+        assert f"{title} at " in text
+        assert any(line.strip().startswith(title) and line.endswith("torque off") for line in text.splitlines())
+    assert "Torque is off." in text
+    assert "servobus move /dev/ttyUSB0" in text
+    assert "servobus scan /dev/pts/" in text or "servobus scan virtual:" in text or "/dev/tty" in text
+
+
+def test_demo_length(refused: Callable[..., str]) -> None:
+    assert "--seconds 0 is not in" in refused("demo", "--seconds", "0")
+    assert "--seconds nan is not in" in refused("demo", "--seconds", "nan")
