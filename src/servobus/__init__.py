@@ -31,6 +31,7 @@ from servobus.errors import (
     WrongReply,
 )
 from servobus.models import DRS0602, FAMILIES, LX16A, MODELS, RX28
+from servobus.procedures import Backup, State
 from servobus.protocols import dynamixel1, herkulex, lewansoul
 from servobus.units import deg, ms, rpm
 
@@ -42,6 +43,7 @@ __all__ = [
     "LX16A",
     "MODELS",
     "RX28",
+    "Backup",
     "BadChecksum",
     "BadValue",
     "Bus",
@@ -54,6 +56,7 @@ __all__ = [
     "PortError",
     "Refused",
     "ServobusError",
+    "State",
     "TorqueOff",
     "UnknownName",
     "UsageError",

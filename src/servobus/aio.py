@@ -59,7 +59,8 @@ class AsyncBusServo(Awaiting, Servo):
         super().__init__(target, baud, firmware)
         self._bus = bus
 
-    async def perform(self, job: Job[T]) -> T:
+    async def do(self, job: Job[T]) -> T:
+        """Carry out any job, an exchange or a procedure, at this servo's speed."""
         return await self._bus.do(job, baud=self.baud)
 
     def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> AsyncMove:
@@ -111,9 +112,6 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             if isinstance(job, Exchange):
                 return await self._exchange(job)
             return await self._run(job)
-
-    async def perform(self, job: Job[T]) -> T:
-        return await self.do(job)
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> AsyncMove:
         """Move several servos, id -> angle in rad, that start together and arrive together; see `Bus.move`."""
@@ -179,7 +177,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             raise first from None  # the first error says more, or the same
 
     async def _attempt(self, exchange: Exchange[T]) -> T:
-        await self._wait_until_clear()
+        await self._pause(self._patience_before(exchange))
         collector, deadline = self._send(exchange)
         while not collector.done and (left := deadline - self.transport.now()) > 0:
             chunk = await self._read(left)

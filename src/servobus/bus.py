@@ -49,7 +49,8 @@ class BusServo(Blocking, Servo):
         super().__init__(target, baud, firmware)
         self._bus = bus
 
-    def perform(self, job: Job[T]) -> T:
+    def do(self, job: Job[T]) -> T:
+        """Carry out any job, an exchange or a procedure, at this servo's speed."""
         return self._bus.do(job, baud=self.baud)
 
     def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> Move:
@@ -97,9 +98,6 @@ class Bus(Blocking, Driver[BusServo]):
             if isinstance(job, Exchange):
                 return self._exchange(job)
             return self._run(job)
-
-    def perform(self, job: Job[T]) -> T:
-        return self.do(job)
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> Move:
         """Move several servos, id -> angle in rad, that start together and arrive together.
@@ -164,7 +162,7 @@ class Bus(Blocking, Driver[BusServo]):
             raise first from None  # the first error says more, or the same
 
     def _attempt(self, exchange: Exchange[T]) -> T:
-        self._wait_until_clear()
+        self._pause(self._patience_before(exchange))
         collector, deadline = self._send(exchange)
         while not collector.done and (left := deadline - self.transport.now()) > 0:
             chunk = self.transport.read(left)

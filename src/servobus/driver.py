@@ -5,6 +5,7 @@ The drivers themselves only differ in how they wait.
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any, Generic, TypeVar
 
 from servobus import models, procedures
@@ -38,8 +39,10 @@ class Driver(ABC, Generic[S]):
         self.survey = Survey()
         """What the last scan saw, what made no sense included."""
         self._servos: list[S] = []
-        self._switched_at = -procedures.QUIET
-        """Time at which the speed last changed."""
+        self._used_speed = False
+        """Whether anything was sent since the speed last changed."""
+        self._quiet_at = 0.0
+        """Time at which every servo has forgotten what it heard at another speed."""
         self._clear_at = 0.0
         """Time at which the last of our bytes has left."""
 
@@ -61,6 +64,10 @@ class Driver(ABC, Generic[S]):
 
     def __len__(self) -> int:
         return len(self._servos)
+
+    def __repr__(self) -> str:
+        known = ", ".join(f"{servo.model.title} id {servo.id}" for servo in self._servos) or "no servo known yet"
+        return f"<{type(self).__name__} {self.transport.name}: {known}>"
 
     def __contains__(self, id: object) -> bool:
         return any(servo.id == id for servo in self._servos)
@@ -84,7 +91,10 @@ class Driver(ABC, Generic[S]):
             level = model.registers.get(model.aliases.get("answer_level", ""))
             answers = Answers.READS if level is None or level.default is None else Answers(level.default)
         servo = self._bind(Target(id, model, answers), baud or model.family.default_baud, firmware)
-        self._servos = [old for old in self._servos if (old.id, old.family.name) != (id, model.family.name)]
+        for place, old in enumerate(self._servos):
+            if (old.id, old.family.name) == (id, model.family.name):
+                self._servos[place] = servo
+                return servo
         self._servos.append(servo)
         return servo
 
@@ -208,7 +218,11 @@ class Driver(ABC, Generic[S]):
         """Send the request; give what collects the reply, and when to give up."""
         transport = self.transport
         transport.discard()  # what is left of earlier troubles must not answer this question
+        if self.echo is None and exchange.looks_like_its_reply():
+            # Before such a request goes a byte that servos skip: if it comes back, the rest is an echo too.
+            exchange = replace(exchange, request=b"\x00" + exchange.request)
         collector = Collector(exchange, self.echo)
+        self._used_speed = True
         transport.write(exchange.request)
         byte_time = BITS_PER_BYTE / transport.baud
         leaves = max(transport.now(), self._clear_at) + len(exchange.request) * byte_time
@@ -219,19 +233,28 @@ class Driver(ABC, Generic[S]):
         return collector, leaves + patience
 
     def _set_baud(self, baud: int) -> None:
-        if baud != self.transport.baud:
-            self.transport.set_baud(baud)
-            self._switched_at = self.transport.now()
+        """Change the speed.
+
+        Servos hear what is sent at another speed as garbage. One that took it for the start of a packet
+        misses the next request, until it has been quiet for a while.
+        """
+        if baud == self.transport.baud:
+            return
+        self.transport.set_baud(baud)
+        if self._used_speed:
+            self._quiet_at = self.transport.now() + procedures.QUIET
+            self._used_speed = False
+
+    def _patience_before(self, exchange: Exchange[Any]) -> float:
+        """Seconds to wait before a request. What can be asked again need not wait for the servos to forget."""
+        ready = self._clear_at if exchange.repeatable else max(self._clear_at, self._quiet_at)
+        return ready - self.transport.now()
 
     def _second_try(self, exchange: Exchange[Any], error: BusError) -> float | None:
-        """Tell how long to wait before asking once more; None if the error stands.
-
-        Only what can be repeated without harm is. Servos hear what is sent at another speed as garbage; one
-        that took it for the start of a packet misses the next request, until it has been quiet for a while.
-        """
+        """Tell how long to wait before asking once more; None if the error stands."""
         if not exchange.repeatable or isinstance(error, Refused):
             return None
-        return max(0.0, self._switched_at + procedures.QUIET - self.transport.now())
+        return self._quiet_at - self.transport.now()
 
     def _judge(self, collector: Collector[T]) -> T:
         """Turn what was collected into the result, or raise."""

@@ -70,6 +70,14 @@ class Exchange(Generic[T]):
             return 0
         return self.framing.overhead + max(self.reply.sizes)
 
+    def looks_like_its_reply(self) -> bool:
+        """Tell whether the request could be taken for its own answer, so that an echo would be one.
+
+        It is so of a Dynamixel PING: it looks like a status packet with a voltage error.
+        """
+        packet, _ = self.framing.unframe(self.request)
+        return self.reply is not None and self.reply.fits(packet)
+
 
 @dataclass(frozen=True, slots=True)
 class SetBaud:
@@ -149,6 +157,8 @@ class Collector(Generic[T]):
         if self.echo is None and self.heard:
             # Only the start of what we sent came back: it was no echo.
             self._sort(self._decoder.feed(bytes(self.heard)))
+        if self.echo is None:
+            self.echo = False
         self._sort(self._decoder.flush())
 
     def result(self) -> T:

@@ -23,14 +23,14 @@ class Blocking(ABC):
     """Carries a job out and gives its result."""
 
     @abstractmethod
-    def perform(self, job: Job[T]) -> T: ...
+    def do(self, job: Job[T]) -> T: ...
 
 
 class Awaiting(ABC):
     """Gives an awaitable that carries a job out."""
 
     @abstractmethod
-    async def perform(self, job: Job[T]) -> T: ...
+    async def do(self, job: Job[T]) -> T: ...
 
 
 class Operation(Generic[P, T]):
@@ -54,7 +54,7 @@ class Operation(Generic[P, T]):
 
         def operation(*args: P.args, **kwargs: P.kwargs) -> Any:
             job = self._build(owner, *args, **kwargs)
-            return owner.perform(job) if isinstance(owner, Blocking | Awaiting) else job
+            return owner.do(job) if isinstance(owner, Blocking | Awaiting) else job
 
         operation.__doc__ = self.__doc__
         return operation

@@ -1,5 +1,6 @@
 """Jobs of several steps, written once for both drivers: look, move, scan, change id and baud, back up."""
 
+import math
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -118,7 +119,8 @@ def _goal(target: Target, angle: float) -> int:
     except ValueError as error:
         raise BadValue(f"{target}: {error}") from None
     if not row.accepts(raw):
-        raise BadValue(f"{target}: {row.show(angle)} is not {row.range_text()}")
+        hint = f" (angles are in radians: did you mean {angle:g} * deg?)" if abs(angle) > 2 * math.pi else ""
+        raise BadValue(f"{target}: {row.show(angle)} is not {row.range_text()}{hint}")
     return raw
 
 

@@ -266,10 +266,16 @@ def show(value: float, unit: str) -> str:
     if unit not in _SHOWN:
         return f"{value:g} {unit}".rstrip()
     symbol, size, decimals = _SHOWN[unit]
-    text = f"{value / size:.{decimals}f}"
     if unit == "s":
-        text = text.rstrip("0").rstrip(".")
-    return text + symbol
+        return _show_time(value)
+    return f"{value / size:.{decimals}f}{symbol}"
+
+
+def _show_time(value: float) -> str:
+    for size, symbol in ((1.0, "s"), (ms, "ms"), (1e-6, "µs")):
+        if abs(value) >= size:
+            return f"{round(value / size, 3):g} {symbol}"
+    return "0 s"
 
 
 def shown(value: float, unit: str) -> tuple[float, str]:

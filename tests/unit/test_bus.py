@@ -227,6 +227,25 @@ class TestEcho:
         bus.attach(RX28, 1).read(RX28.present_temperature)
         assert bus.echo is False
 
+    def test_is_found_absent_by_silence(self) -> None:
+        bus = Bus(Scripted(None, None))
+        with pytest.raises(NoReply):
+            bus.attach(RX28, 1).read(RX28.present_temperature)
+        assert bus.echo is False
+
+    def test_a_ping_is_not_taken_for_the_answer_of_a_servo_with_a_voltage_error(self) -> None:
+        # FF FF 01 02 01 FB is PING to id 1 and a status packet with error 0x01: a byte before it tells them apart.
+        port = Scripted("00 FF FF 01 02 01 FB", "FF FF 01 02 01 FB")
+        bus = Bus(port)
+        with pytest.raises(NoReply):
+            bus.do(dynamixel1.ping(1))
+        assert bus.echo is True
+        bus = Bus(Scripted("FF FF 01 02 01 FB"))
+        servo = bus.attach(RX28, 1)
+        servo.ping()
+        assert bus.echo is False
+        assert servo.alarms == dynamixel1.Error.INPUT_VOLTAGE
+
     def test_alone_is_silence(self) -> None:
         bus = Bus(Scripted(TEMPERATURE))
         with pytest.raises(NoReply):
@@ -283,4 +302,20 @@ class TestSecondTry:
     def test_after_a_change_of_speed_it_waits_until_servos_have_forgotten_half_a_packet(self) -> None:
         bus, port = bus_with(None, ANSWER)
         bus.attach(RX28, 1, baud=1_000_000).read(RX28.present_temperature)
-        assert port.now() > 0.2016  # Packet Garbage Check Period, HerkuleX manual 4-2 NO 35
+        assert port.now() < 0.01  # nothing was sent at the first speed: nothing to forget
+        port.script = [OK, ANSWER, None, ANSWER]
+        bus.do(dynamixel1.ping(1), baud=57_600)
+        bus[1].read(RX28.present_temperature)
+        start = port.now()
+        port.script = [OK, None, ANSWER]
+        bus.do(dynamixel1.ping(1), baud=57_600)
+        assert bus[1].read(RX28.present_temperature) == 32.0
+        assert port.now() - start > 0.2016  # Packet Garbage Check Period, HerkuleX manual 4-2 NO 35
+
+    def test_after_a_change_of_speed_a_write_waits_until_it_will_be_heard(self) -> None:
+        bus, port = bus_with(ANSWER, OK)
+        servo = bus.attach(RX28, 1)
+        servo.read(RX28.present_temperature)
+        start = port.now()
+        bus.do(dynamixel1.write_data(1, 25, b"\x01"), baud=1_000_000)
+        assert port.now() - start > 0.2016

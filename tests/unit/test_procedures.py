@@ -160,7 +160,7 @@ class TestEveryModel:
 
     def test_turn_names_what_the_model_can(self, key: str) -> None:
         servo = self.servo(key)
-        with pytest.raises(UsageError, match="give (speed|output)"):
+        with pytest.raises(UsageError, match=r"give (speed|output)"):
             servo.turn(output=0.5) if key == "drs0602" else servo.turn(speed=1.0)
 
     def test_change_id(self, key: str) -> None:

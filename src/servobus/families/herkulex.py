@@ -147,8 +147,9 @@ class Herkulex(Family):
         return raw == TorqueControl.ON
 
     def moving(self, target: Target) -> Procedure[bool]:
+        """Moving, and not yet in position: the moving flag alone stays for Stop Detection Period, 302 ms."""
         ack = yield from ask(stat(target.id))
-        return StatusDetail.MOVING in ack.status_detail
+        return ack.status_detail & (StatusDetail.MOVING | StatusDetail.INPOSITION) == StatusDetail.MOVING
 
     def stop(self, target: Target) -> Procedure[None]:
         """Send a JOG with the stop flag; beside it speed 0 or the present position, in case they count (H-82)."""
