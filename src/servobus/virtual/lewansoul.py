@@ -84,7 +84,6 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         # L-20: until a move is given, present position and time 0 stand in its place.
         self._ungiven = {"goal_position", "wait_goal_position"}
         self._faults = Alarm(0)
-        self._protect()
 
     @property
     def led(self) -> str:
@@ -105,7 +104,6 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
             request = parse_request(event)
         except ValueError:
             return []  # L-10
-        self._protect()
         command = request.command
         if not command.reply:
             self._obey(request)
@@ -188,8 +186,8 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
             self._set(upper, high)
 
     def _set_mode(self, mode: Mode, speed: int) -> None:
-        if mode != self.get("mode"):
-            self._target = self._late = None  # L-63: what comes back to position mode holds where it is
+        if mode == Mode.MOTOR:
+            self._late = None  # what comes back to position mode holds where it is (L-63)
         self._set("mode", mode)
         self._set("motor_speed", speed if mode == Mode.MOTOR else 0)  # L-62
 
@@ -265,7 +263,7 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
     @property
     def output(self) -> float:
         """Share of full output in motor mode, with direction. Assumption: forward is to higher positions."""
-        return self.get("motor_speed") / FULL_OUTPUT if self.torque and self.turning else 0.0
+        return self.get("motor_speed") / FULL_OUTPUT if self.torque else 0.0
 
     @property
     def present(self) -> int:
@@ -287,7 +285,6 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
             return  # L-64
         if self.move_loads:
             self.put("torque_enable", 1)
-            self._hold()
         if self._target is None:
             self._late = goal, time
             return
@@ -302,7 +299,6 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         self._late = None
         if self._target is not None:
             self._target = self.shaft.position
-            self.shaft.rest()
 
     def _hold(self) -> None:
         """Let go of the shaft when the torque goes off; take hold of it where it is when it comes on (L-70)."""
