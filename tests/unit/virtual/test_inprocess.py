@@ -1,0 +1,120 @@
+import time
+from pathlib import Path
+
+import pytest
+
+import servobus
+from servobus.errors import BadValue, PortError, UsageError
+from servobus.virtual.inprocess import connect
+
+PING = bytes.fromhex("FF FF 01 02 01 FB")
+PONG = bytes.fromhex("FF FF 01 02 00 FC")
+
+
+def talk(spec: str) -> tuple[bytes, float]:
+    port = connect(spec)
+    heard = b""
+    for id in (1, 2, 3):
+        for baud in (57600, 115200):
+            port.set_baud(baud)
+            for request in (b"\xff\xff%c\x02\x01%c" % (id, 252 - id), b"\x55\x55%c\x03\x1c%c" % (id, 224 - id)):
+                port.write(request)
+                while chunk := port.read(0.05):
+                    heard += chunk
+    return heard, port.now()
+
+
+def test_virtual_time_is_deterministic_to_the_byte() -> None:
+    spec = "virtual:rx28@1,2,2,lx16a@2,3?clock=virtual"
+    first = talk(spec)
+    assert first == talk(spec)
+    assert first[0].count(b"\xff\xff") == 2
+    assert first[0].count(b"\x55\x55") == 2
+
+
+def test_virtual_time_passes_only_while_one_waits() -> None:
+    port = connect("virtual:rx28@1?clock=virtual")
+    assert (port.now(), port.blocking(), port.fileno()) == (0.0, False, None)
+    port.write(PING)
+    assert port.read(0) == b""
+    assert port.now() == 0.0
+    assert port.read(1.0) == PONG
+    assert port.now() == pytest.approx(6 * 10 / 57600 + 500e-6 + 6 * 10 / 57142.857, abs=1e-9)
+    port.sleep(3600)
+    assert port.read(2.0) == b""
+    assert port.now() > 3602
+
+
+def test_discard() -> None:
+    port = connect("virtual:rx28@1?clock=virtual")
+    port.write(PING)
+    assert port.discard() == b""
+    port.sleep(0.1)
+    assert port.discard() == PONG
+
+
+def test_real_time() -> None:
+    port = connect("virtual:rx28@1")
+    assert port.blocking()
+    started = time.monotonic()
+    port.write(PING)
+    heard = b""
+    while len(heard) < 6 and time.monotonic() < started + 5:
+        heard += port.read(0.1)
+    assert heard == PONG
+    assert time.monotonic() - started >= 0.0025
+    assert port.read(0.01) == b""
+
+
+def test_wrong_speed() -> None:
+    port = connect("virtual:rx28@1?clock=virtual")
+    port.set_baud(1_000_000)
+    port.write(PING)
+    assert port.read(0.1) == b""
+    assert port.baud == 1_000_000
+    with pytest.raises(BadValue):
+        port.set_baud(0)
+
+
+def test_options() -> None:
+    port = connect("virtual:rx28@1?clock=virtual&voltage=12&temperature=33&baud=1000000&echo=1")
+    (servo,) = port.servos
+    assert (servo.voltage, servo.temperature, servo.baud) == (12.0, 33.0, 1e6)
+    port.set_baud(1_000_000)
+    port.write(PING)
+    heard = b""
+    while chunk := port.read(0.1):
+        heard += chunk
+    assert heard == PING + PONG
+
+
+def test_speed_no_servo_of_the_family_has() -> None:
+    with pytest.raises(BadValue, match="one speed"):
+        connect("virtual:rx28@1,lx16a@2?baud=57600")
+    with pytest.raises(BadValue):
+        connect("virtual:rx28@1?baud=123")
+
+
+def test_state_file(tmp_path: Path) -> None:
+    spec = f"virtual:rx28@1,2?clock=virtual&state={tmp_path / 'rx.json'}"
+    port = connect(spec)
+    port.write(bytes.fromhex("FF FF 01 04 03 03 09 EB"))
+    assert port.read(0.1) == PONG
+    assert [servo.id for servo in connect(spec).servos] == [9, 2]
+    with pytest.raises(UsageError, match="other servos"):
+        connect(f"virtual:rx28@1?state={tmp_path / 'rx.json'}")
+
+
+def test_closed() -> None:
+    port = connect("virtual:rx28@1")
+    port.close()
+    port.close()
+    with pytest.raises(PortError, match="closed"):
+        port.write(PING)
+    with pytest.raises(PortError, match="closed"):
+        port.read(0)
+
+
+def test_bus() -> None:
+    with servobus.open("virtual:rx28@1-3?clock=virtual") as bus:
+        assert [servo.id for servo in bus.scan(family="dynamixel")] == [1, 2, 3]

@@ -1,0 +1,47 @@
+from pathlib import Path
+
+import pytest
+
+from servobus.errors import BadValue, UnknownName, UsageError
+from servobus.models import LX16A, RX28
+from servobus.virtual.spec import Setup, parse_specs, parse_url
+
+
+def test_models_with_ids_and_ranges() -> None:
+    assert parse_specs("rx28@1-4,7,lx16a@2") == [(RX28, [1, 2, 3, 4, 7]), (LX16A, [2])]
+    assert parse_specs(" RX-28@0, 253 ") == [(RX28, [0, 253])]
+
+
+def test_an_id_may_be_named_twice() -> None:
+    assert parse_specs("rx28@1,1,rx28@1") == [(RX28, [1, 1]), (RX28, [1])]
+
+
+@pytest.mark.parametrize("text", ["", "rx28", "1,2", "rx28@", "rx28@1,", "rx28@x", "rx28@-1", "rx28@1-", "rx28@4-2"])
+def test_malformed(text: str) -> None:
+    with pytest.raises(UsageError):
+        parse_specs(text)
+
+
+@pytest.mark.parametrize("text", ["rx28@254", "rx28@1-255"])
+def test_ids_no_servo_can_have(text: str) -> None:
+    with pytest.raises(BadValue, match="253"):
+        parse_specs(text)
+
+
+def test_unknown_model_is_told_with_the_nearest() -> None:
+    with pytest.raises(UnknownName, match="rx28"):
+        parse_specs("rx82@1")
+    with pytest.raises(UnknownName):
+        parse_specs("@1")
+
+
+def test_options() -> None:
+    text = "virtual:rx28@1?clock=virtual&voltage=12&temperature=30&echo=1&baud=57600&state=a/b.json"
+    assert parse_url(text) == Setup([(RX28, [1])], "virtual", True, 57600, 12.0, 30.0, Path("a/b.json"))
+    assert parse_url("virtual:rx28@1") == Setup([(RX28, [1])])
+
+
+@pytest.mark.parametrize("query", ["clock=fast", "echo=maybe", "baud=fast", "voltage=12A", "colour=red", "state="])
+def test_options_that_make_no_sense(query: str) -> None:
+    with pytest.raises(UsageError, match=query.partition("=")[0]):
+        parse_url(f"virtual:rx28@1?{query}")
