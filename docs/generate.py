@@ -171,9 +171,8 @@ def _layout(layout: Int) -> str:
 
 
 def _meaning(row: Register[Any], raw: int) -> str:
-    """Write what a raw value means; where the command line would round too much, in a smaller unit."""
-    value = row.decode(raw)
-    return f"{value * 1e6:g} µs" if row.unit == "s" and abs(value) < 1e-3 and value else str(row.show(value))
+    """Write what a raw value means."""
+    return row.show(row.decode(raw))
 
 
 def _say(row: Register[Any], raw: int) -> str:

@@ -274,7 +274,7 @@ def show(value: float, unit: str) -> str:
 def _show_time(value: float) -> str:
     for size, symbol in ((1.0, "s"), (ms, "ms"), (1e-6, "µs")):
         if abs(value) >= size:
-            return f"{round(value / size, 3):g} {symbol}"
+            return f"{round(value / size, 4):.8g} {symbol}"
     return "0 s"
 
 
