@@ -105,7 +105,7 @@ def _bytes(source: tuple[str, ...]) -> bytes:
         return typed
     if len(source) > 1:
         raise UsageError(f"{' '.join(source)!r} is no row of hex bytes")
-    if not Path(source[0]).exists():
+    if not source[0] or not Path(source[0]).exists():
         raise UsageError(f"{source[0]!r} is neither a row of hex bytes nor a file")
     return _content(Path(source[0]).read_bytes(), source[0])
 

@@ -12,7 +12,7 @@ from servobus.families.base import Model
 from servobus.registers import Access, Register
 from servobus.units import show
 
-WIDEST = 24
+WIDEST = 16
 """Columns that a value may take before its register's meaning makes room for it."""
 
 

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 FRAME = 0.04
 """s between two pictures of the way."""
+LONGEST = 3600.0
+"""s that a move may take: nothing moves that slowly on purpose."""
 GRACE = 2.0
 """s that a move may take longer than planned, as in `Move.wait`."""
 
@@ -64,6 +66,8 @@ def move(
     for name, value in (("--time", time), ("--speed", speed)):
         if value is not None and value <= 0:
             raise BadValue(f"{name} must be above 0")
+    if time is not None and time > LONGEST:
+        raise BadValue(f"--time {time:g} is more than {LONGEST:g} s")
     angles = _goals(goals)
     with opened(port) as bus, terminated_like_interrupted():
         servos = find_all(bus, where, list(angles))
@@ -111,7 +115,10 @@ def _check(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float]) ->
     loose = []
     for servo in servos:
         row = servo.model.register("goal_position")
-        raw = row.scale.encode(angles[servo.id])
+        try:
+            raw = row.scale.encode(angles[servo.id])
+        except (ValueError, OverflowError) as error:
+            raise BadValue(f"{servo.target}: {error}") from None
         low, high = row.limits
         stance = bus.do(servo.family.stance(servo.target), baud=servo.baud)
         if stance.turning:

@@ -186,6 +186,8 @@ def as_json(command: F) -> F:
 
 def opened(port: str) -> Bus:
     """Open a port; with `with`."""
+    if not port.strip():
+        raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
     return servobus.open(port)
 
 

@@ -17,6 +17,7 @@ from servobus.cli.options import (
     verb,
 )
 from servobus.cli.output import note, warn_alarms
+from servobus.errors import BadValue
 from servobus.units import show
 
 
@@ -53,11 +54,20 @@ def turn(
     with opened(port) as bus, terminated_like_interrupted():
         servo = find(bus, where, id)
         if end:
+            if limits is not None:
+                _check(servo, *limits)
             servo.position_mode(limits)
             click.echo(f"{servo.target} takes angles again; it is at {_here(servo)}")
         else:
             _turn(bus, servo, output, speed)
         warn_alarms(servo)
+
+
+def _check(servo: BusServo, low: float, high: float) -> None:
+    for name, angle in (("min_position", low), ("max_position", high)):
+        servo.model.register(name).encode(angle)
+    if low >= high:
+        raise BadValue(f"--limits: {show(low, 'rad')} is not below {show(high, 'rad')}")
 
 
 def _turn(bus: Bus, servo: BusServo, output: float | None, speed: float | None) -> None:

@@ -97,9 +97,13 @@ def test_a_reader_that_leaves_early_is_no_error() -> None:
     assert (done.stdout, done.stderr) == ("[\n", "")
 
 
-def test_a_terminal_that_knows_only_ascii() -> None:
+@pytest.mark.parametrize("command", ["info", "read"])
+def test_a_terminal_that_knows_only_ascii(command: str) -> None:
+    # How the degree sign comes out is up to click and rich; that it is no reason to fail is ours.
+    names = ["present_temperature"] if command == "read" else []
     done = subprocess.run(
-        [sys.executable, "-m", "servobus", "read", RX, "1", "present_temperature"],
-        capture_output=True, text=True, check=True, env={**os.environ, "PYTHONIOENCODING": "ascii"},
+        [sys.executable, "-m", "servobus", command, RX, "1", *names],
+        capture_output=True, check=True, env={**os.environ, "PYTHONIOENCODING": "ascii"},
     )  # fmt: skip
-    assert done.stdout == "present_temperature  25 ?C\n"
+    assert b"present_temperature  25 " in done.stdout
+    assert done.stderr == b""

@@ -76,6 +76,7 @@ def test_what_is_no_bytes(refused: Callable[..., str], tmp_path: Path) -> None:
     assert "neither a row of hex bytes nor a file" in refused("decode", "hello.bin")
     assert "is no row of hex bytes" in refused("decode", "FF", "GG")
     assert "neither a row" in refused("decode", "FFF")
+    assert "neither a row" in refused("decode", "")
     assert "standard input is empty" in refused("decode", "-", input="")
     assert "no family 'foo'" in refused("decode", "--family", "foo", "FF")
     (tmp_path / "folder").mkdir()

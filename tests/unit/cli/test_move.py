@@ -41,6 +41,9 @@ def test_no_wait_comes_back_at_once(run: Run) -> None:
     [
         (("1=nan",), "'nan' is not a number"),
         (("1=inf",), "'inf' is not a number"),
+        (("1=1e400",), "inf is not a number"),
+        (("1=1e308rad",), "RX-28 id 1: "),
+        (("1=90", "--time", "1e300"), "is more than 3600 s"),
         (("1=310",), "RX-28 id 1: 310.0° is outside 0.0° .. 300.0°"),
         (("1=90", "2=-5"), "RX-28 id 2: -5.0° is outside"),
         (("1=90", "1=91"), "id 1 is named twice"),
@@ -94,6 +97,16 @@ def test_turn(run: Run, refused: Callable[..., str]) -> None:
     assert "output 2.0 is not in -1 .. 1" in refused("turn", RX, 1, "--output", "200")
     assert "say one of" in refused("turn", RX, 1, code=2)
     assert "goes with --end" in refused("turn", RX, 1, "--output", "9", "--limits", "1", "2", code=2)
+
+
+def test_limits_that_cannot_be(refused: Callable[..., str]) -> None:
+    for limits, why in (
+        ((400, 20), "400.0°"),
+        ((-3, 20), "-2.9°"),
+        ((30, 20), "30.0° is not below 20.0°"),
+        (("nan", 20), "nan"),
+    ):
+        assert why in refused("turn", RX, 1, "--end", "--limits", *limits)
 
 
 def test_the_ways_back_can_be_typed(run: Run) -> None:
