@@ -51,7 +51,7 @@ class Exchange(Generic[T]):
     reply       the shape of the answer; None where the servo stays silent
     alarms      reads the alarm bits that stand beside the data in the packet
     turnaround  longest time in seconds between the request's last bit and the reply's first
-    repeatable  whether it may be sent again if no answer comes: true of what only asks
+    repeatable  whether it may be sent again if no answer comes: what only asks, and what sets RAM to a value
     """
 
     what: str

@@ -287,11 +287,16 @@ class TestSecondTry:
             bus.do(dynamixel1.action(1))
         assert port.requests == ["FF FF 01 02 05 F7"]
 
-    def test_nor_is_a_write(self) -> None:
+    def test_nor_is_a_write_to_the_eeprom(self) -> None:
         bus, port = bus_with(None, OK)
         with pytest.raises(NoReply):
-            bus.attach(RX28, 1).write(RX28.led, True)
+            bus.attach(RX28, 1).write(RX28.alarm_led, dynamixel1.Error.OVERLOAD)
         assert len(port.requests) == 1
+
+    def test_a_write_to_the_ram_is(self) -> None:
+        bus, port = bus_with(None, OK)
+        bus.attach(RX28, 1).write(RX28.led, True)
+        assert port.requests == ["FF FF 01 04 03 19 01 DD"] * 2
 
     def test_a_refusal_stands(self) -> None:
         bus, port = bus_with("FF FF 01 02 08 F4", OK)

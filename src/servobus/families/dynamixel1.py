@@ -74,8 +74,10 @@ class Dynamixel1(Family):
 
     def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
         parts = {_address(register): register.layout.pack(raw) for register, raw in values.items()}
+        # The EEPROM wears, and a second write of id or speed would go to nobody: only RAM may be written twice.
+        in_ram = all(register.area is Area.RAM for register in values)
         for address, data in adjacent(parts):
-            yield from ask(write_data(target.id, address, data, answered=_answers(target)))
+            yield _write(target, address, data, repeatable=in_ram)
 
     def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
         for register in values:
@@ -93,9 +95,7 @@ class Dynamixel1(Family):
         data = {leg.target.id: _goal_and_speed(leg) for leg in legs}
         goal = _address(legs[0].target.model.register("goal_position"))
         if len(legs) == 1:
-            yield from ask(
-                write_data(legs[0].target.id, goal, data[legs[0].target.id], answered=_answers(legs[0].target))
-            )
+            yield _write(legs[0].target, goal, data[legs[0].target.id], repeatable=True)
             return
         most = (RX_BUFFER - 8) // 5
         ids = list(data)
@@ -185,7 +185,11 @@ class Dynamixel1(Family):
 
     def _write_raw_speed(self, target: Target, raw: int) -> Procedure[None]:
         address = _address(target.model.register("moving_speed"))
-        yield from ask(write_data(target.id, address, raw.to_bytes(2, "little"), answered=_answers(target)))
+        yield _write(target, address, raw.to_bytes(2, "little"), repeatable=True)
+
+
+def _write(target: Target, address: int, data: bytes, *, repeatable: bool) -> Exchange[None]:
+    return write_data(target.id, address, data, answered=_answers(target), repeatable=repeatable)
 
 
 def _answers(target: Target) -> bool:

@@ -271,10 +271,12 @@ def read_data(id: int, address: int, length: int) -> Exchange[bytes]:
     )
 
 
-def write_data(id: int, address: int, data: bytes, *, answered: bool = True) -> Exchange[None]:
+def write_data(
+    id: int, address: int, data: bytes, *, answered: bool = True, repeatable: bool = False
+) -> Exchange[None]:
     """WRITE_DATA (3-5-2). `answered` is whether the servo's Status Return Level is 2."""
     what = f"WRITE_DATA id {id}, address {address}, {data.hex(' ').upper()}"
-    return _exchange(what, WriteData(id, address, data), answered=answered and id != BROADCAST)
+    return _exchange(what, WriteData(id, address, data), answered=answered and id != BROADCAST, repeatable=repeatable)
 
 
 def reg_write(id: int, address: int, data: bytes, *, answered: bool = True) -> Exchange[None]:
