@@ -106,6 +106,7 @@ class App(click.Group):
             click.echo(err=True)  # the terminal shows ^C: what comes next starts on a line of its own
             raise click.exceptions.Exit(130) from None
         except click.Abort as abort:
+            click.echo(err=True)
             if isinstance(abort.__context__, EOFError):
                 raise Fault("nobody is there to confirm; nothing was changed (--yes goes ahead)") from abort
             raise click.exceptions.Exit(130) from None

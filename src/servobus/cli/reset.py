@@ -38,8 +38,8 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
         if "id" not in kept:
             _make_sure_free(bus, servo)
         saved = servo.backup()
-        less = f" but {', '.join(sorted(kept))}" if kept else ""
-        if not yes and not click.confirm(f"reset {servo} to factory settings, all{less}?"):
+        less = f", less {', '.join(sorted(kept))}" if kept else ", id and speed included"
+        if not yes and not click.confirm(f"reset {servo.target} to factory settings{less}?"):
             raise ServobusError("nothing was changed")
         path = Path(file or time.strftime(f"{saved.model.key()}-id{id}-%Y%m%d-%H%M%S.toml"))
         write_backup(saved, path)
