@@ -20,6 +20,8 @@ from servobus.units import parse
 F = TypeVar("F", bound=Callable[..., Any])
 
 ALL: Literal["all"] = "all"
+TRIES = 2
+"""Times that a servo is looked for before it counts as missing."""
 
 
 def verb(name: str, *examples: str) -> Callable[[Callable[..., Any]], click.Command]:
@@ -193,7 +195,9 @@ def opened(port: str) -> Bus:
 
 def find(bus: Bus, where: Where, id: int) -> BusServo:
     """Find one servo. Raises NoReply with what can be tried next."""
-    for family, bauds in where.rounds():
+    # A scan asks each id once, for most are not there. Who is named is expected there: one lost byte is no reason
+    # to say that it is not.
+    for family, bauds in where.rounds() * TRIES:
         try:
             return bus.find(id, family=family, bauds=bauds)
         except NoReply:
