@@ -119,8 +119,10 @@ class PtyPort(Port):
             return b""
         try:
             data = os.read(self._master, CHUNK)
+        except BlockingIOError:
+            return b""  # the client took back what it had written (tcflush)
         except OSError as error:
-            if error.errno not in (errno.EIO, errno.EAGAIN):
+            if error.errno != errno.EIO:
                 raise PortError(f"{self.name}: {error.strerror or error}") from error
             data = b""
         if data:
