@@ -140,15 +140,25 @@ class Driver(ABC, Generic[S]):
         return values
 
     @Operation
+    def plan_move(
+        self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None
+    ) -> Procedure[list[Course]]:
+        """Check a move of several servos, id -> angle in rad, without moving any; see `move`."""
+        return self._planned(goals, time, speed)
+
+    @Operation
+    def launch(self, courses: list[Course]) -> Procedure[None]:
+        """Start a move that was planned: one packet starts all servos of a family."""
+        return self._launched(courses)
+
+    @Operation
     def start_move(
         self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None
     ) -> Procedure[list[Course]]:
-        """Start a move of several servos and give what `arrive` needs; see `move`."""
-        courses = []
-        for group in self._groups(goals):
-            yield SetBaud(group[0].baud)
-            targets = {servo.target: goals[servo.id] for servo in group}
-            courses.append((yield from procedures.move(targets, time=time, speed=speed)))
+        """Plan a move, make sure that all servos have torque, and launch it; see `move`."""
+        courses = yield from self._planned(goals, time, speed)
+        procedures.require_torque(courses)
+        yield from self._launched(courses)
         return courses
 
     @Operation
@@ -179,6 +189,19 @@ class Driver(ABC, Generic[S]):
             raise first
 
     # Helpers
+
+    def _planned(self, goals: Mapping[int, float], time: float | None, speed: float | None) -> Procedure[list[Course]]:
+        courses = []
+        for group in self._groups(goals):
+            yield SetBaud(group[0].baud)
+            targets = {servo.target: goals[servo.id] for servo in group}
+            courses.append((yield from procedures.plan(targets, time=time, speed=speed)))
+        return courses
+
+    def _launched(self, courses: list[Course]) -> Procedure[None]:
+        for course in courses:
+            yield SetBaud(self[course.legs[0].target.id].baud)
+            yield from course.legs[0].target.model.family.launch(course.legs)
 
     @abstractmethod
     def _bind(self, target: Target, baud: int, firmware: str) -> S:
@@ -229,7 +252,8 @@ class Driver(ABC, Generic[S]):
         self._clear_at = leaves
         patience = transport.latency
         if exchange.reply is not None:
-            patience += exchange.turnaround + exchange.reply_size * byte_time
+            # A servo's speed may be 3 % off (RX-28 manual 3-4-1).
+            patience += 1.03 * (exchange.turnaround + exchange.reply_size * byte_time)
         return collector, leaves + patience
 
     def _set_baud(self, baud: int) -> None:

@@ -100,6 +100,12 @@ class Decoder:
         return len(self._buffer)
 
     @property
+    def missing(self) -> int:
+        """Bytes that must come at least before anything more can be complete."""
+        size = self._framing.size(self._buffer, 0) if self._buffer else INCOMPLETE
+        return max(1, (size if size > 0 else self._framing.overhead) - len(self._buffer))
+
+    @property
     def position(self) -> int:
         """Bytes fed so far."""
         return self._base + len(self._buffer)

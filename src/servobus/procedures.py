@@ -16,6 +16,8 @@ from servobus.units import deg, show
 
 DEFAULT_SPEED = 90 * deg
 """Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try."""
+SHORTEST = 0.02
+"""Seconds that a move takes at least if its time follows from a speed: one to where it stands still is one too."""
 
 
 # Looking
@@ -55,9 +57,11 @@ def look(target: Target) -> Procedure[State]:
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A move under way: who goes where, and when all should be there."""
+    """A move of servos of one family: who goes where, and when all should be there."""
 
     legs: tuple[Leg, ...]
+    loose: tuple[Target, ...]
+    """Servos whose torque was off when the move was planned."""
 
     @property
     def duration(self) -> float:
@@ -65,20 +69,19 @@ class Course:
         return max(leg.duration for leg in self.legs)
 
 
-def move(goals: Mapping[Target, float], *, time: float | None = None, speed: float | None = None) -> Procedure[Course]:
-    """Start a move of one servo or several that start together and arrive together.
+def plan(goals: Mapping[Target, float], *, time: float | None = None, speed: float | None = None) -> Procedure[Course]:
+    """Check a move of one servo or several that start together and arrive together; nothing moves yet.
 
-    goals   target -> angle in rad
+    goals   target -> angle in rad, targets of one family
     time    seconds the move takes, or
     speed   rad/s of the servo that has the longest way; DEFAULT_SPEED if neither is given
 
-    Everything is checked before anything moves. Raises BadValue for an angle, time or speed that cannot be,
-    TorqueOff if a servo has no torque, UsageError if one is in endless turn.
+    Raises BadValue for an angle, time or speed that cannot be, UsageError for a servo in endless turn.
     """
     if time is not None and speed is not None:
         raise BadValue("a move takes either a time or a speed, not both")
     for name, value in (("time", time), ("speed", speed)):
-        if value is not None and not 0 < value < float("inf"):
+        if value is not None and not 0 < value < math.inf:
             raise BadValue(f"{name} {value} is not a number above 0")
     families = {target.model.family.name for target in goals}
     if len(families) != 1:
@@ -87,28 +90,38 @@ def move(goals: Mapping[Target, float], *, time: float | None = None, speed: flo
     raw = {target: _goal(target, angle) for target, angle in goals.items()}
     family = next(iter(goals)).model.family
     distances: dict[Target, float] = {}
+    loose = []
     for target, goal in raw.items():
         stance = yield from family.stance(target)
         if stance.turning:
-            raise UsageError(f"{target} turns without end; call position_mode() first")
-        if not stance.torque:
-            raise TorqueOff(f"{target}: torque is off, so it would not move; switch it on first")
+            raise UsageError(
+                f"{target} turns without end; position_mode() or `servobus turn PORT {target.id} --end` ends that"
+            )
         row = target.model.register("goal_position")
         if not stance.low <= goal <= stance.high:
             low, high = row.show(row.decode(stance.low)), row.show(row.decode(stance.high))
             raise BadValue(f"{target}: {row.show(row.decode(goal))} is outside the limits set in it, {low} .. {high}")
+        if not stance.torque:
+            loose.append(target)
         distances[target] = abs(row.decode(goal) - stance.position)
     if time is None:
-        longest = max(distances.values())
-        time = max(longest / (speed or DEFAULT_SPEED), 0.02)  # a move to where it stands still takes a moment
+        time = max(max(distances.values()) / (speed or DEFAULT_SPEED), SHORTEST)
     if family.max_move_time is not None and time > family.max_move_time:
         raise BadValue(
-            f"a {family.title} move takes {family.max_move_time:.2f} s at most, this one would take {time:.2f} s: "
-            "go in steps, or faster"
+            f"a {family.title} move takes {show(family.max_move_time, 's')} at most, "
+            f"this one would take {show(time, 's')}: go in steps, or faster"
         )
     legs = tuple(Leg(target, goal, distances[target], time) for target, goal in raw.items())
-    yield from family.launch(legs)
-    return Course(legs)
+    for leg in legs:
+        family.check_leg(leg)
+    return Course(legs, tuple(loose))
+
+
+def require_torque(courses: Sequence[Course]) -> None:
+    """Refuse a move that some servo would not follow. Raises TorqueOff."""
+    loose = [str(target) for course in courses for target in course.loose]
+    if loose:
+        raise TorqueOff(f"{', '.join(loose)}: torque is off, so nothing would move; switch it on first")
 
 
 def _goal(target: Target, angle: float) -> int:
@@ -120,7 +133,8 @@ def _goal(target: Target, angle: float) -> int:
         raise BadValue(f"{target}: {error}") from None
     if not row.accepts(raw):
         hint = f" (angles are in radians: did you mean {angle:g} * deg?)" if abs(angle) > 2 * math.pi else ""
-        raise BadValue(f"{target}: {row.show(angle)} is not {row.range_text()}{hint}")
+        low, high = (row.show(row.decode(limit)) for limit in row.limits)
+        raise BadValue(f"{target}: {row.show(angle)} is outside {low} .. {high}{hint}")
     return raw
 
 
@@ -295,6 +309,28 @@ def change_id(target: Target, id: int) -> Procedure[None]:
     yield from ask(family.ping(id))
 
 
+def reset(target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+    """Restore factory settings; gives the id and speed the servo has then.
+
+    Raises UsageError if another servo has the factory id: nothing but unplugging one would tell the two apart.
+    """
+    family = target.model.family
+    factory = target.model.register("id").default
+    if "id" not in keep and factory is not None and factory != target.id:
+        try:
+            yield from ask(family.ping(factory))
+        except NoReply:
+            pass  # free
+        except BusError as error:
+            raise UsageError(f"{target} would get the factory id {factory}, and something answers to that") from error
+        else:
+            raise UsageError(
+                f"{target} would get the factory id {factory}, and another servo answers to that already: "
+                "give that one another id first, or connect this one alone"
+            )
+    return (yield from family.reset(target, keep))
+
+
 def change_baud(target: Target, old: int, new: int) -> Procedure[None]:
     """Set a servo to another speed and check that it answers there; the bus follows it."""
     family = target.model.family
@@ -383,7 +419,9 @@ def backup(target: Target, firmware: str, baud: int) -> Procedure[Backup]:
 def restore(target: Target, saved: Backup) -> Procedure[list[str]]:
     """Write the settings that differ from the backup; id and speed stay as they are. Gives their names."""
     if saved.model is not target.model:
-        raise UsageError(f"the backup is of a {saved.model.title}, {target} is another model; nothing was written")
+        raise UsageError(
+            f"the backup belongs to model {saved.model.title}, {target} is another model; nothing was written"
+        )
     skip = _identity_names(target.model)
     rows = [row for row in _settings(target.model) if row.name in saved.values and row.name not in skip]
     present = yield from target.model.family.read_stored(target, rows)

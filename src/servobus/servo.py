@@ -103,8 +103,11 @@ class Servo:
 
     @Operation
     def start_move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> Procedure[Course]:
-        """Start a move and give what `wait` needs; see `move`."""
-        return procedures.move({self.target: angle}, time=time, speed=speed)
+        """Start a move and give what is needed to wait for its end; see `move`."""
+        course = yield from procedures.plan({self.target: angle}, time=time, speed=speed)
+        procedures.require_torque([course])
+        yield from self.family.launch(course.legs)
+        return course
 
     @Operation
     def torque_on(self) -> Procedure[None]:
@@ -133,8 +136,10 @@ class Servo:
         An RX-28 turns without end because its angle limits are 0; `limits` (rad) are the ones to set again,
         the full range by default.
         """
-        goal = self.model.register("goal_position")
-        raw = None if limits is None else (goal.scale.encode(limits[0]), goal.scale.encode(limits[1]))
+        raw = None
+        if limits is not None:
+            low, high = (self.model.register(name) for name in ("min_position", "max_position"))
+            raw = low.encode(limits[0]), high.encode(limits[1])
         return self.family.position_mode(self.target, raw)
 
     @Operation
@@ -152,8 +157,11 @@ class Servo:
 
     @Operation
     def reset(self, *, keep: frozenset[str] = frozenset()) -> Procedure[None]:
-        """Restore factory settings, less what is kept ("id", "baud", "calibration")."""
-        id, self.baud = yield from self.family.reset(self.target, keep)
+        """Restore factory settings, less what is kept ("id", "baud", "calibration").
+
+        Raises UsageError if another servo has the factory id that this one would get.
+        """
+        id, self.baud = yield from procedures.reset(self.target, keep)
         yield from self._meet_again(id)
 
     @Operation

@@ -67,7 +67,7 @@ class Quantity(Scale[float]):
         return (raw - self.zero) * self.step
 
     def encode(self, value: float) -> int:
-        if not math.isfinite(value):
+        if not math.isfinite(value / self.step):
             raise ValueError(f"{value} is not a number to send")
         return round(value / self.step) + self.zero
 
@@ -268,7 +268,7 @@ def show(value: float, unit: str) -> str:
     symbol, size, decimals = _SHOWN[unit]
     if unit == "s":
         return _show_time(value)
-    return f"{value / size:.{decimals}f}{symbol}"
+    return f"{round(value / size, decimals) + 0.0:.{decimals}f}{symbol}"  # + 0.0: no "-0.0"
 
 
 def _show_time(value: float) -> str:

@@ -149,7 +149,7 @@ class TestEveryModel:
             else:
                 servo.turn(output=0.5)
             port.sleep(0.5)
-            with pytest.raises(UsageError, match="position_mode"):
+            with pytest.raises(UsageError, match="turns without end"):
                 servo.move(90 * deg)
             servo.stop()
             port.sleep(0.5)

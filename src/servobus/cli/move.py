@@ -71,9 +71,8 @@ def move(
     angles = _goals(goals)
     with opened(port) as bus, terminated_like_interrupted():
         servos = find_all(bus, where, list(angles))
-        loose = _check(bus, servos, angles)
         try:
-            under_way = _start(bus, loose, angles, time, speed, quiet=json)
+            under_way = _start(bus, angles, time, speed, quiet=json)
             if no_wait:
                 if not json:
                     click.echo(f"moving for {under_way.duration:.2f} s")
@@ -107,51 +106,19 @@ def _goals(texts: Sequence[str]) -> dict[int, float]:
     return dict(pairs)
 
 
-def _check(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float]) -> list[BusServo]:
-    """Refuse what cannot be, before any torque is switched on; give the servos whose torque is off.
-
-    The move itself checks all this too, but only once the torque is on.
-    """
-    loose = []
-    for servo in servos:
-        row = servo.model.register("goal_position")
-        try:
-            raw = row.scale.encode(angles[servo.id])
-        except (ValueError, OverflowError) as error:
-            raise BadValue(f"{servo.target}: {error}") from None
-        low, high = row.limits
-        stance = bus.do(servo.family.stance(servo.target), baud=servo.baud)
-        if stance.turning:
-            raise UsageError(f"{servo.target} turns without end; `servobus turn PORT {servo.id} --end` ends that")
-        low, high = max(low, stance.low), min(high, stance.high)
-        if not low <= raw <= high:
-            reachable = " .. ".join(row.show(row.decode(end)) for end in (low, high))
-            raise BadValue(f"{servo.target}: {row.show(angles[servo.id])} is outside {reachable}, its limits")
-        if not stance.torque:
-            loose.append(servo)
-    return loose
-
-
-def _start(
-    bus: Bus,
-    loose: list[BusServo],
-    angles: Mapping[int, float],
-    time: float | None,
-    speed: float | None,
-    *,
-    quiet: bool,
-) -> Move:
-    """Switch the torque on where it is off, and start."""
-    if loose:
-        bus.torque_on(loose)
+def _start(bus: Bus, angles: Mapping[int, float], time: float | None, speed: float | None, *, quiet: bool) -> Move:
+    """Check everything, then switch the torque on where it is off, then start."""
+    courses = bus.plan_move(angles, time=time, speed=speed)
+    loose = [bus[target.id] for course in courses for target in course.loose]
     try:
-        under_way = bus.move(angles, time=time, speed=speed)
+        bus.torque_on(loose)
+        bus.launch(courses)
     except ServobusError:
-        bus.torque_off(loose)  # nothing moves, so leave them as they were
+        bus.torque_off(loose)  # leave them as they were
         raise
     if loose and not quiet:
         note(f"torque switched on: {', '.join(f'id {servo.id}' for servo in loose)}")
-    return under_way
+    return Move(bus, courses)
 
 
 def _halt(servos: Sequence[BusServo]) -> None:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from servobus import Bus, BusServo, NoReply, ServobusError
+from servobus import ServobusError
 from servobus.cli.options import Where, find, on_servo, opened, verb
 from servobus.cli.output import note
 from servobus.cli.settings import write_backup
-from servobus.errors import BadValue, BusError, UsageError
+from servobus.errors import BadValue, UsageError
 
 KEEPABLE = ("id", "baud", "calibration")
 
@@ -35,8 +35,6 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
     with opened(port) as bus:
         servo = find(bus, where, id)
         old_baud = servo.baud
-        if "id" not in kept:
-            _make_sure_free(bus, servo)
         saved = servo.backup()
         less = f", less {', '.join(sorted(kept))}" if kept else ", id and speed included"
         if not yes and not click.confirm(f"reset {servo.target} to factory settings{less}?"):
@@ -56,23 +54,6 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
         click.echo(f"  servobus set-id {port} {servo.id} {id}")
     if servo.baud != old_baud:
         click.echo(f"  servobus set-baud {port} {id} {old_baud}")
-
-
-def _make_sure_free(bus: Bus, servo: BusServo) -> None:
-    """Refuse a reset that would leave two servos with one id, which nothing but unplugging one can undo."""
-    factory = servo.model.register("id").default
-    if factory is None or factory == servo.id:
-        return
-    try:
-        bus.do(servo.family.ping(factory), baud=servo.family.default_baud)
-    except NoReply:
-        return
-    except BusError:
-        pass  # something answers, however badly
-    raise UsageError(
-        f"{servo.target} would get the factory id {factory}, and another servo answers to that already; "
-        f"give that one another id first (`servobus set-id`), or connect this one alone"
-    )
 
 
 @verb("reboot", "servobus reboot /dev/ttyUSB0 219")

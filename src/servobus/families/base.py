@@ -176,6 +176,9 @@ class Family(ABC):
     def stance(self, target: Target) -> Procedure[Stance]:
         """Read what a move must know."""
 
+    def check_leg(self, leg: Leg) -> None:  # noqa: B027 - most families have nothing to add
+        """Raise BadValue for a leg that this family cannot do, beyond what limits and times tell."""
+
     @abstractmethod
     def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
         """Start all legs together."""

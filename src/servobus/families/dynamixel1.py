@@ -91,6 +91,13 @@ class Dynamixel1(Family):
         position, torque, low, high = yield from self.read(target, rows)
         return Stance(rows[0].decode(position), bool(torque), low, high, turning=low == high == 0)
 
+    def check_leg(self, leg: Leg) -> None:
+        """Refuse what would be slower than speed code 1: it would take longer than asked."""
+        speed = leg.target.model.register("moving_speed")
+        slowest = speed.scale.decode(1)
+        if leg.distance > leg.target.model.sheet.resolution and leg.distance / leg.duration < 0.5 * slowest:
+            raise BadValue(f"{leg.target}: slower than {speed.show(slowest)} is not possible; go in steps")
+
     def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
         data = {leg.target.id: _goal_and_speed(leg) for leg in legs}
         goal = _address(legs[0].target.model.register("goal_position"))

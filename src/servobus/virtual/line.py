@@ -213,23 +213,13 @@ class VirtualLine:
         self._groups[key].add(servo)
 
 
-class _Ear(Decoder):
-    """A decoder that tells how far it is from its next event, so that it can be fed no further than that."""
-
-    @property
-    def missing(self) -> int:
-        """Bytes that must come before anything can be complete."""
-        size = self._framing.size(self._buffer, 0) if self._buffer else 0
-        return max(1, (size if size > 0 else self._framing.overhead) - len(self._buffer))
-
-
 class _Group:
     """Servos that hear the same: one speed, one longest pause, and so one decoder for all of them."""
 
     def __init__(self, key: tuple[float, float], framing: Framing, now: float) -> None:
         self.key = key
         self.baud, self._timeout = key
-        self.decoder = _Ear(framing)
+        self.decoder = Decoder(framing)
         self.receiver = Receiver(self.baud, now)
         self.last = now
         """Time at which the last byte was received."""

@@ -74,7 +74,7 @@ def test_usage(refused: Callable[..., str]) -> None:
 def test_limits_in_the_servo_are_kept(run: Run, refused: Callable[..., str], tmp_path: Any) -> None:
     port = f"{RX}&state={tmp_path / 'state.json'}"
     run("write", port, 1, "max_position=100", "--save")
-    assert "outside 0.0° .. 100.0°, its limits" in refused("move", port, "1=120")
+    assert "outside the limits set in it, 0.0° .. 100.0°" in refused("move", port, "1=120")
 
 
 def test_a_wheel_takes_no_angles(run: Run, refused: Callable[..., str], tmp_path: Any) -> None:
