@@ -16,7 +16,7 @@ LINKS = {"pty": (), "tcp": ("--tcp", "127.0.0.1:0")}
 @contextmanager
 def opened(name: str, bauds: int | None = None) -> Iterator[servobus.Bus]:
     with servobus.open(name, bauds=bauds) as bus:
-        bus.transport.latency = 0.2  # on a busy computer the process of the servos may be late
+        bus.transport.latency = 0.1  # on a busy computer the process of the servos may be late
         yield bus
 
 
