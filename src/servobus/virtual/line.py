@@ -13,11 +13,13 @@ that did would keep two servos of one id answering each other's answers for ever
 """
 
 import bisect
+import math
 from collections.abc import Iterable
 
 from servobus.errors import UsageError
 from servobus.framing import Corrupt, Decoder, Framing, Noise, Packet
 from servobus.protocols.ids import BROADCAST
+from servobus.virtual.motion import Rail
 from servobus.virtual.servo import VirtualServo
 from servobus.virtual.uart import BITS, EPSILON, Receiver, Run, Wave
 
@@ -29,10 +31,11 @@ class VirtualLine:
     """Servos of one family on one wire.
 
     `echo` tells whether the client hears what it sends. `client_baud` is its speed in bit/s; None means
-    that it has none (TCP), is always understood and understands everything.
+    that it has none (TCP), is always understood and understands everything. `supply` is one that all servos share;
+    without it each has its own, which nothing pulls down.
     """
 
-    def __init__(self, servos: Iterable[VirtualServo], *, echo: bool = False) -> None:
+    def __init__(self, servos: Iterable[VirtualServo], *, echo: bool = False, supply: Rail | None = None) -> None:
         self.servos = list(servos)
         if not self.servos:
             raise UsageError("a line needs at least one servo")
@@ -42,6 +45,10 @@ class VirtualLine:
             raise UsageError(f"one line carries one family, not {titles}")
         self.family = self.servos[0].model.family
         self.echo = echo
+        self.supply = supply
+        if supply is not None:
+            for servo in self.servos:
+                servo.shaft.join(supply)
         self.now = max(servo.time for servo in self.servos)
         self._to_servos: list[Wave] = []
         self._to_client: list[Wave] = []
@@ -119,7 +126,7 @@ class VirtualLine:
             time, group, run = due
             if time > now + EPSILON:
                 break
-            self.now = max(self.now, time)
+            self._live(time)
             if run is None:
                 self._drop(group, time)
             else:
@@ -127,11 +134,22 @@ class VirtualLine:
         while run := self._client.next_run(self._to_client, until=now):
             self._client.since = run.resume
             self._arrived.append(run)
-        self.now = max(self.now, now)
+        self._live(now)
         if self._to_servos:
             _forget(self._to_servos, min(group.receiver.since for group in self._groups.values()), now)
         if self._to_client:
             _forget(self._to_client, self._client.since, now)
+
+    def _live(self, now: float) -> None:
+        """Let time pass. Servos that pull at one supply live in step; others catch up when they are looked at."""
+        if self.supply is not None and self.supply.resistance:
+            step = min(servo.tick for servo in self.servos)
+            for n in range(1, math.ceil((now - self.now) / step)):
+                for servo in self.servos:
+                    servo.advance(self.now + n * step)
+            for servo in self.servos:
+                servo.advance(now)
+        self.now = max(self.now, now)
 
     def regroup(self) -> None:
         """Sort the servos anew, after their id or speed was changed other than by packets."""

@@ -1,52 +1,171 @@
-"""How the output shaft follows what the firmware commands.
+"""The shaft of a virtual servo: its motor, what hangs on it, and the supply it shares with others.
 
-The shaft is ideal: it does exactly as commanded, without load, inertia or play, but never faster than the
-motor turns without load at the present supply voltage.
+The firmware says once a tick what the bridge does; `tick` lets the motor answer. All physics is in
+`servobus.virtual.motor`; here is only what makes one servo of it.
 """
 
-import itertools
-from collections.abc import Sequence
+from servobus.virtual.motor import CLOSED, NOTHING, OPEN, REFERENCE, Load, MotorParams, MotorState, prepare, step, warm
 
-from servobus.families.base import Performance
+HEAT_TIME = 0.1
+"""s between two looks at the temperatures; the fastest of them changes within seconds."""
+STANDBY = 0.05
+"""A that the electronics of a servo draw; assumption, from the RX-28 manual 1-3 (50 mA) and the DRS-0602's 33 mA."""
+
+
+class Rail:
+    """A supply that servos share: a source with a resistance inside.
+
+    The bridges draw duty * current each, and the current is linear in the voltage, so that two sums give the
+    voltage under any number of motors, without iteration.
+    """
+
+    def __init__(self, source: float, resistance: float = 0.0) -> None:
+        self.source, self.resistance = source, resistance
+        """V without load; ohm inside, and of the wires"""
+        self._conductance = self._fed = 0.0
+        self._standby = 0.0
+
+    @property
+    def voltage(self) -> float:
+        """What arrives at the servos, V: never negative, and never more than the source's."""
+        fed = self._fed - self._standby
+        voltage = (self.source + self.resistance * fed) / (1 + self.resistance * self._conductance)
+        return max(0.0, min(voltage, self.source))
+
+    def connect(self) -> None:
+        """Take one more servo on."""
+        self._standby += STANDBY
+
+    def draw(self, conductance: float, fed: float) -> None:
+        """Take note that the draw of a servo has changed by so much."""
+        self._conductance += conductance
+        self._fed += fed
 
 
 class Shaft:
-    """The output shaft: where it is and how fast it turns."""
+    """The output shaft of one servo, rad, rad/s and N·m; see servobus.virtual.motor for frame and signs."""
 
-    def __init__(self, position: float) -> None:
-        self.position = position
-        """rad, counted on beyond full turns"""
-        self.velocity = 0.0
-        """rad/s during the last step"""
+    def __init__(self, motor: MotorParams, position: float, tick: float, rail: Rail) -> None:
+        self.motor, self.tick_time = motor, tick
+        self.state = MotorState(position=position)
+        self.ambient = REFERENCE
+        """degC around the case"""
+        self.duty = 0.0
+        self.closed = OPEN
+        self._load = NOTHING
+        self._conductance = self._fed = 0.0
+        self._unheated = 0.0
+        """s since the temperatures were looked at."""
+        self.rail = rail
+        rail.connect()
+        self._prepare()
 
-    def move_towards(self, goal: float, speed: float, dt: float) -> None:
-        """Go towards a position at a speed (rad/s, not negative) for one step, and stop there."""
-        distance = goal - self.position
-        reach = speed * dt
-        if abs(distance) <= reach:
-            self.position, self.velocity = goal, distance / dt
-        else:
-            self.turn(speed if distance > 0 else -speed, dt)
+    # What can be seen
 
-    def turn(self, speed: float, dt: float) -> None:
-        """Turn at a signed speed in rad/s for one step."""
-        self.position += speed * dt
-        self.velocity = speed
+    @property
+    def position(self) -> float:
+        return self.state.output
+
+    @position.setter
+    def position(self, position: float) -> None:
+        """Turn it by hand."""
+        self.state.position, self.state.velocity, self.state.play = position, 0.0, 0.0
+
+    @property
+    def velocity(self) -> float:
+        return self.state.velocity
+
+    @property
+    def current(self) -> float:
+        """Through the winding, A."""
+        return self.state.current
+
+    @property
+    def case(self) -> float:
+        """Temperature of the case in degC: what the sensor of a servo measures."""
+        return self.state.case
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it stands, and will go on standing while the bridge goes on as it does."""
+        return self._still
+
+    # What is around it
+
+    @property
+    def load(self) -> Load:
+        return self._load
+
+    @load.setter
+    def load(self, load: Load) -> None:
+        self._load = load
+        self._prepare()
+
+    def join(self, rail: Rail) -> None:
+        """Connect it to another supply."""
+        self.rail.draw(-self._conductance, -self._fed)
+        self._conductance = self._fed = 0.0
+        self.rail = rail
+        rail.connect()
+
+    def soak(self, temperature: float) -> None:
+        """Bring it and what is around it to a temperature, degC."""
+        self.ambient = self.state.case = self.state.winding = temperature
+        self._prepare()
+
+    # What the firmware does
+
+    def drive(self, duty: float) -> None:
+        """Close the winding through the bridge, at -1 .. 1 of the supply; 0 brakes."""
+        if duty != self.duty or self.closed != CLOSED:
+            self.duty, self.closed, self._still = duty, CLOSED, False
+
+    def brake(self) -> None:
+        """Join both ends of the winding."""
+        self.drive(0.0)
+
+    def release(self) -> None:
+        """Leave the winding open: only friction holds the shaft."""
+        if self.closed != OPEN:
+            self.duty, self.closed, self._still = 0.0, OPEN, False
+
+    def tick(self, ticks: int = 1) -> None:
+        """Let ticks of the control loop pass, during which the bridge does the same."""
+        state, plan = self.state, self._plan
+        for _ in range(ticks):
+            before = state.position
+            step(plan, state, self.duty, self.rail.voltage, self.closed)
+            if state.velocity == 0 and state.position == before:
+                self._rest(ticks)
+                break
+        self._draw()
+        self._unheated += ticks * self.tick_time
+        if self._unheated >= HEAT_TIME:
+            warm(self.motor, state, self.ambient, self._unheated)
+            self._unheated = 0.0
+            self._prepare()
 
     def rest(self) -> None:
-        """Stand still."""
-        self.velocity = 0.0
+        """Cut the power: no current, and whatever moved is taken to have come to rest."""
+        self.release()
+        self.state.velocity = self.state.current = 0.0
+        self._draw()
 
+    # Inside
 
-def no_load_speed(performance: Sequence[Performance], voltage: float) -> float:
-    """Give the highest speed in rad/s at a supply voltage.
+    def _rest(self, ticks: int) -> None:
+        """Standing still, only heat goes on."""
+        self._still = True
+        state = self.state
+        state.heat += self._plan.resistance * state.current**2 * self.tick_time * (ticks - 1)
 
-    Between the points of the data sheet it is interpolated. Below the lowest and above the highest it is
-    proportional to the voltage, as for a DC motor without friction (assumption).
-    """
-    points = sorted((point.voltage, point.speed) for point in performance)
-    for (low, slow), (high, fast) in itertools.pairwise(points):
-        if low <= voltage <= high:
-            return slow + (fast - slow) * (voltage - low) / (high - low)
-    nearest, speed = points[0] if voltage < points[0][0] else points[-1]
-    return speed * max(voltage, 0.0) / nearest
+    def _prepare(self) -> None:
+        self._plan = prepare(self.motor, self._load, dt=self.tick_time, winding=self.state.winding)
+        self._still = False
+
+    def _draw(self) -> None:
+        """Tell the supply what the bridge draws now."""
+        share = self.duty / self._plan.resistance if self.closed else 0.0
+        conductance, fed = share * self.duty, share * self._plan.constant * self.state.velocity
+        self.rail.draw(conductance - self._conductance, fed - self._fed)
+        self._conductance, self._fed = conductance, fed

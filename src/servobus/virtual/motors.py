@@ -9,6 +9,8 @@ a viscous part, stiction above Coulomb friction, hard stops or backlash: no publ
 
 from typing import Final
 
+from servobus.errors import UnknownName
+from servobus.families.base import Model
 from servobus.virtual.motor import MotorParams
 
 _RX28_HEAT = {
@@ -101,11 +103,23 @@ LX16A: Final = MotorParams(
 a line through both points would push without a voltage."""
 
 MOTORS: Final = {
-    "rx28": {"manual": RX28, "friction": RX28_FRICTION, "measured": RX28_MEASURED},
+    "rx28": {"manual": RX28_FRICTION, "measured": RX28_MEASURED, "lossless": RX28},
     "drs0602": {"manual": DRS0602, "lossy": DRS0602_LOSSY},
     "lx16a": {"manual": LX16A},
 }
 """Model key -> name of a set -> the set; the first is the default."""
+
+
+def motor(model: type[Model], name: str | None = None) -> MotorParams:
+    """Find the motor of a model: a set by name, or its default. Raises UnknownName."""
+    sets = MOTORS.get(model.key())
+    if sets is None:
+        point = model.sheet.performance[-1]
+        return motor_like(point.voltage, point.stall_torque, point.speed)
+    found = next(iter(sets.values())) if name is None else sets.get(name)
+    if found is None:
+        raise UnknownName(f"no motor data {name!r} for {model.title}; there are {', '.join(sets)}")
+    return found
 
 
 def motor_like(voltage: float, stall_torque: float, speed: float) -> MotorParams:

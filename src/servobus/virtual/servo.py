@@ -19,7 +19,9 @@ from servobus.framing import Corrupt, Packet
 from servobus.protocols.ids import check_id
 from servobus.registers import Register
 from servobus.virtual.memory import Memory
-from servobus.virtual.motion import Shaft, no_load_speed
+from servobus.virtual.motion import Rail, Shaft
+from servobus.virtual.motor import no_load_speed
+from servobus.virtual.motors import motor
 
 Replies: TypeAlias = list[tuple[float, bytes]]
 """What a servo sends: (seconds after the last bit of what it heard, bytes)."""
@@ -62,6 +64,7 @@ class VirtualServo(ABC):
         voltage: float | None = None,
         temperature: float = ROOM_TEMPERATURE,
         position: float | None = None,
+        motor_set: str | None = None,
         now: float = 0.0,
     ) -> None:
         """Take a servo out of its box, give it an id, and switch it on.
@@ -70,15 +73,17 @@ class VirtualServo(ABC):
         voltage      supply in V; the model's nominal voltage by default
         temperature  of the case, degC
         position     of the shaft, rad; `home` by default
+        motor_set    name of a set of motor data in servobus.virtual.motors; the manual's by default
         """
         low, high = model.sheet.voltage
         self.model = model
         self.memory = Memory(model)
         if id is not None:
             self.memory.store(model.register("id"), check_id(id))
-        self.voltage = voltage if voltage is not None else model.sheet.nominal_voltage or (low + high) / 2
+        supply = voltage if voltage is not None else model.sheet.nominal_voltage or (low + high) / 2
+        start = self.home if position is None else position
+        self.shaft = Shaft(motor(model, motor_set), start, self.tick, Rail(supply))
         self.temperature = temperature
-        self.shaft = Shaft(self.home if position is None else position)
         self.deaf_until = -math.inf
         self.powered = False
         self.time = now
@@ -164,9 +169,27 @@ class VirtualServo(ABC):
         self.shaft.position = position
 
     @property
+    def voltage(self) -> float:
+        """Supply at the servo's plug, V. Setting it sets the source's voltage, without load."""
+        return self.shaft.rail.voltage
+
+    @voltage.setter
+    def voltage(self, voltage: float) -> None:
+        self.shaft.rail.source = voltage
+
+    @property
+    def temperature(self) -> float:
+        """Of the case, degC. Setting it brings the servo and its surroundings to that temperature."""
+        return self.shaft.case
+
+    @temperature.setter
+    def temperature(self, temperature: float) -> None:
+        self.shaft.soak(temperature)
+
+    @property
     def top_speed(self) -> float:
-        """The highest speed at the present supply voltage, rad/s."""
-        return no_load_speed(self.model.sheet.performance, self.voltage)
+        """The highest speed at the present supply voltage without load, rad/s."""
+        return no_load_speed(self.shaft.motor, self.voltage)
 
     def store_baud(self, baud: int) -> None:
         """Set the speed as if a host had stored it before, and start again. Raises BadValue."""
@@ -201,11 +224,12 @@ def virtual_servo(
     voltage: float | None = None,
     temperature: float = ROOM_TEMPERATURE,
     position: float | None = None,
+    motor_set: str | None = None,
     now: float = 0.0,
 ) -> VirtualServo:
     """Make a virtual servo of any model; see `VirtualServo` for the arguments."""
     kind = _firmware(type(model.family))
-    return kind(model, id, voltage=voltage, temperature=temperature, position=position, now=now)
+    return kind(model, id, voltage=voltage, temperature=temperature, position=position, motor_set=motor_set, now=now)
 
 
 def _firmware(family: type[Family]) -> type[VirtualServo]:
