@@ -19,6 +19,7 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
     "Look": {
         "info": ("info:info", "Show all of one servo: data sheet, registers, alarms."),
         "read": ("values:read", "Read registers of a servo."),
+        "step": ("step:step", "Measure a step response, virtual or real."),
     },
     "Move": {
         "move": ("move:move", "Move servos to angles, together."),

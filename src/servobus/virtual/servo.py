@@ -187,6 +187,11 @@ class VirtualServo(ABC):
         self.shaft.soak(temperature)
 
     @property
+    def trajectory(self) -> float | None:
+        """Where the firmware's profile wants the shaft now, rad; None if it has no such thing."""
+        return None
+
+    @property
     def top_speed(self) -> float:
         """The highest speed at the present supply voltage without load, rad/s."""
         return no_load_speed(self.shaft.motor, self.voltage)

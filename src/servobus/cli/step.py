@@ -1,0 +1,232 @@
+"""`step`: the answer of a servo to a step of its goal, virtual or real."""
+
+import contextlib
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+import servobus
+from servobus import MODELS, BusServo, UsageError, deg, models
+from servobus.cli import plot
+from servobus.cli.options import ANGLE, SECONDS, Where, as_json, assignment, find, opened, verb, where_options
+from servobus.cli.output import note, print_json
+from servobus.errors import BadValue, ServobusError
+from servobus.procedures import SHORTEST
+from servobus.protocols.ids import check_id
+from servobus.response import Response, Sample
+from servobus.units import show, shown
+
+if TYPE_CHECKING:
+    from servobus.virtual.inprocess import VirtualPort
+    from servobus.virtual.servo import VirtualServo
+
+GRAIN = 0.001
+"""s between two samples of a virtual servo."""
+REST = 0.5
+"""s that a virtual servo is given to come to rest before the step."""
+RETURN_SPEED = 60 * deg
+"""rad/s at which a real servo goes back."""
+
+
+@verb(
+    "step",
+    "servobus step rx28 --to 90deg",
+    "servobus step drs0602 --to 45 --set position_kp=200 --load mass=0.5,length=0.1 --plot step.png",
+    "servobus step /dev/ttyUSB0 1 --to 90 --limits 60 120",
+)
+@click.argument("what", metavar="MODEL|PORT")
+@click.argument("id", required=False, type=int)
+@click.option("--to", "to", type=ANGLE, metavar="ANGLE", help="Goal; 45° on from where it is by default.")
+@click.option("--start", type=ANGLE, metavar="ANGLE", help="Where a virtual servo starts; the middle by default.")
+@click.option("--time", "time_", type=SECONDS, metavar="S", help="Time of the move; as fast as it goes by default.")
+@click.option("--seconds", type=SECONDS, default=2.0, metavar="S", help="How long to look on; 2 s by default.")
+@click.option("--set", "settings", multiple=True, metavar="REGISTER=VALUE", help="Write a register first.")
+@click.option("--load", metavar="LOAD", help="What hangs on a virtual shaft: mass=0.5,length=0.1,inertia=...")
+@click.option("--voltage", type=float, metavar="V", help="Supply of a virtual servo.")
+@click.option("--motor", metavar="NAME", help="Set of motor data of a virtual servo.")
+@click.option("--limits", nargs=2, type=ANGLE, metavar="LOW HIGH", help="How far a real servo may go; else asked.")
+@click.option("--plot", "picture", type=click.Path(path_type=Path), metavar="FILE", help="Draw it: png, svg or pdf.")
+@where_options
+@as_json
+def step(
+    what: str,
+    id: int | None,
+    to: float | None,
+    start: float | None,
+    time_: float | None,
+    seconds: float,
+    settings: tuple[str, ...],
+    load: str | None,
+    voltage: float | None,
+    motor: str | None,
+    limits: tuple[float, float] | None,
+    picture: Path | None,
+    where: Where,
+    json: bool,
+) -> None:
+    """Give a servo a step of its goal and measure what it does.
+
+    With the name of a MODEL a virtual servo takes the step, faster than real time. With a PORT and an ID a real
+    one does, within limits that are asked for first; it then goes back slowly, and registers set by --set stay.
+    """
+    if not 0 < seconds <= 60:
+        raise BadValue(f"--seconds {seconds:g} is not above 0 and up to 60")
+    if picture is not None:
+        plot.check(picture)
+    if id is None:
+        if what.replace("-", "").lower() not in MODELS and ("/" in what or ":" in what or what.startswith("COM")):
+            raise click.UsageError(f"{what} looks like a port: name the id of a servo too")
+        if limits is not None:
+            raise click.UsageError("--limits are for real servos; a virtual one breaks nothing")
+        response, title = _virtual(what, to, start, time_, seconds, settings, load, voltage, motor)
+    else:
+        for name, value in (("--load", load), ("--voltage", voltage), ("--motor", motor), ("--start", start)):
+            if value is not None:
+                raise click.UsageError(f"{name} is for virtual servos: `servobus step MODEL ...`")
+        response, title = _real(what, check_id(id), where, to, time_, seconds, settings, limits)
+    _report(response, title, json=json)
+    if picture is not None:
+        plot.draw(response, title, picture)
+        note(f"drawn: {picture}")
+
+
+# A virtual servo
+
+
+def _virtual(
+    name: str,
+    to: float | None,
+    start: float | None,
+    duration: float | None,
+    seconds: float,
+    settings: tuple[str, ...],
+    load: str | None,
+    voltage: float | None,
+    motor: str | None,
+) -> tuple[Response, str]:
+    model = models.model(name)
+    options = {"clock": "virtual", "motor": motor, "load": load, "voltage": voltage}
+    query = "&".join(f"{key}={value}" for key, value in options.items() if value is not None)
+    with servobus.open(f"virtual:{model.key()}@1?{query}") as bus:
+        port: VirtualPort = bus.transport  # type: ignore[assignment] # a virtual: port is one
+        if start is not None:
+            port.servos[0].turn_shaft(start)
+        servo = bus.find(1, family=model.family)
+        _set(servo, settings)
+        servo.torque_on()
+        port.sleep(REST)
+        here = servo.look().position
+        goal = here + 45 * deg if to is None else to
+        begin = port.now()
+        servo.start_move(goal, time=duration or SHORTEST)
+        samples = [_sample(port.servos[0], port.now() - begin)]
+        while port.now() - begin < seconds:
+            port.sleep(GRAIN)
+            samples.append(_sample(port.servos[0], port.now() - begin))
+    return Response(here, goal, tuple(samples), model.sheet.resolution), f"{model.title}, virtual"
+
+
+def _sample(servo: "VirtualServo", moment: float) -> Sample:
+    shaft, trajectory = servo.shaft, servo.trajectory
+    return Sample(
+        moment, servo.position, math.nan if trajectory is None else trajectory,
+        shaft.velocity, shaft.duty, shaft.current, servo.voltage, servo.temperature,
+    )  # fmt: skip
+
+
+# A real one
+
+
+def _real(
+    port: str,
+    id: int,
+    where: Where,
+    to: float | None,
+    duration: float | None,
+    seconds: float,
+    settings: tuple[str, ...],
+    limits: tuple[float, float] | None,
+) -> tuple[Response, str]:
+    with opened(port) as bus:
+        servo = find(bus, where, id)
+        state = servo.look()
+        here = state.position
+        goal = here + 45 * deg if to is None else to
+        low, high = limits or _ask_limits(servo, here)
+        if not low <= min(here, goal) <= max(here, goal) <= high:
+            way = f"{show(here, 'rad')} to {show(goal, 'rad')}"
+            raise BadValue(f"{servo.target}: the way from {way} leaves {show(low, 'rad')} .. {show(high, 'rad')}")
+        _set(servo, settings)
+        samples: list[Sample] = []
+        with _torque(servo, was_on=state.torque):
+            begin = time.monotonic()
+            servo.start_move(goal, time=duration or SHORTEST)
+            row = servo.model.register("present_position")
+            while (moment := time.monotonic() - begin) < seconds:
+                samples.append(Sample(moment, servo.read(row)))
+            servo.move(here, speed=RETURN_SPEED).wait()
+    return Response(here, goal, tuple(samples), servo.model.sheet.resolution), f"{servo.target} on {port}"
+
+
+def _ask_limits(servo: BusServo, here: float) -> tuple[float, float]:
+    """Ask how far the servo may go; whoever does not know must not jump there."""
+    note(f"{servo.target} is at {show(here, 'rad')} and will jump as fast as it can.")
+    low = click.prompt("lowest angle that is safe", type=ANGLE, err=True)
+    high = click.prompt("highest angle that is safe", type=ANGLE, err=True)
+    return low, high
+
+
+@contextlib.contextmanager
+def _torque(servo: BusServo, *, was_on: bool) -> Iterator[None]:
+    """Torque on inside; afterwards as it was. On the way out of an interrupt the servo is stopped first."""
+    if was_on:
+        try:
+            yield
+        except (KeyboardInterrupt, ServobusError):
+            servo.stop()
+            raise
+        return
+    with servo.torque():
+        yield
+
+
+def _set(servo: BusServo, settings: tuple[str, ...]) -> None:
+    values: dict[Any, Any] = {}
+    for text in settings:
+        name, value = assignment(text, "REGISTER=VALUE, such as position_kp=200")
+        register = servo.model.register(name)
+        if register.name in values:
+            raise UsageError(f"{name} is set twice")
+        values[register] = register.parse(value)
+    servo.write_many(values)
+
+
+# Telling
+
+
+def _report(response: Response, title: str, *, json: bool) -> None:
+    figures = response.figures()
+    rows = (
+        ("rise_time", figures.rise_time, "s", "10 % to 90 % of the way"),
+        ("overshoot", figures.overshoot, "1", "of the way"),
+        ("settling_time", figures.settling_time, "s", "until it stays within 2 % of the way"),
+        ("steady_error", figures.steady_error, "rad", "where it ends up, less the goal"),
+        ("peak_current", figures.peak_current, "A", "of the motor"),
+    )
+    if json:
+        data: dict[str, Any] = {"servo": title}
+        for name, angle in (("start", response.start), ("goal", response.goal)):
+            data[name] = {"value": shown(angle, "rad")[0], "unit": "°"}
+        for name, value, unit, _ in rows:
+            number, symbol = shown(value, unit)
+            data[name] = {"value": None if math.isnan(value) else number, "unit": symbol}
+        print_json(data)
+        return
+    click.echo(f"{title}: {show(response.start, 'rad')} to {show(response.goal, 'rad')}")
+    for name, value, unit, meaning in rows:
+        text = "-" if math.isnan(value) else show(round(value, 4) if unit == "A" else value, unit)
+        click.echo(f"  {name.replace('_', ' '):<14} {text:>10}   {meaning}")
