@@ -5,6 +5,8 @@ notes in docs/decisions.md.
 """
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from servobus.families.base import Answers
 from servobus.families.dynamixel1 import Dynamixel1
@@ -25,6 +27,17 @@ from servobus.protocols.dynamixel1 import (
 )
 from servobus.protocols.ids import BROADCAST
 from servobus.registers import Address, Register
+from servobus.virtual.control.dynamixel1 import (
+    LEVELS,
+    OVERLOAD_TIME,
+    arrived,
+    compliance,
+    endless,
+    follow,
+    pursue,
+    strained,
+    width,
+)
 from servobus.virtual.memory import TABLE
 from servobus.virtual.servo import Replies, VirtualServo
 
@@ -41,6 +54,27 @@ HOLD = 2.0
 """s that the alarm light flickers on after recovery (3-4-1 Alarm LED)."""
 BLINK = 0.25
 """s; assumption: how long the light is on at power-on (2-4 only says that it flickers once)."""
+LOOK = 0.010
+"""s between two looks at supply and temperature; assumption."""
+STILL = 0.050
+"""s after which a shaft that does not turn counts as standing; assumption."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What the registers ask of the control loop, in the units of servobus.virtual.control.dynamixel1."""
+
+    torque: bool
+    endless: bool
+    goal: int
+    step: float  # of the set point, position units per tick; infinite without speed control
+    share: float  # Moving Speed in endless turn
+    limit: float
+    punch: float
+    cw: tuple[int, int]  # margin and slope on the clockwise side of the goal
+    ccw: tuple[int, int]
+    voltages: tuple[int, int]
+    hottest: int
 
 
 class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
@@ -50,10 +84,24 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
     switched on; D-58 has it that a goal written with the torque off is kept and used. Both hold here: the
     goal becomes the present position when the torque goes off and whenever the shaft is turned; a goal
     that is written stays until then.
+
+    An overload can be seen only while the motor pushes. So after a shutdown its error stays until Torque Limit or
+    Torque Enable is written; without a shutdown it ends when the load gives way (assumption).
     """
 
-    tick = 0.001
+    tick = 0.002
     """s; assumption: the manual gives no figure for the control loop."""
+
+    # Where the manual is silent, or where others report something else. Set them on a servo or on the class.
+    slope_levels: Sequence[tuple[int, int]] = LEVELS
+    """What Compliance Slope acts as (ED-13); EMANUAL_LEVELS is the other reading."""
+    sides_swapped = False
+    """Whether the clockwise margin and slope act where the goal is clockwise of the shaft (ED-17)."""
+    goal_enables_torque = False
+    """Whether a written Goal Position sets Torque Enable, as is told of servos of this family."""
+    overload_time: float = OVERLOAD_TIME
+    """s that a load is too much before it is an overload; infinite for never."""
+
     firmware_version = 8
     """As in the answer that 3-5-8 Example 6 prints."""
 
@@ -65,6 +113,9 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
     _followed: int | None = None
     """Position that the goal followed last; None while the torque is on."""
     _flicker_until = -math.inf
+    _now: Settings
+    _made_of: tuple[object, ...] = ()
+    """The registers, and options, of which `_now` was made."""
 
     # Life
 
@@ -77,6 +128,17 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
         ]
         self._kept = self._followed = None
         self._flicker_until = -math.inf
+        scale = self.row("present_position").scale
+        self._units = 1 / (scale.decode(1) - scale.decode(0))
+        """Position units per rad."""
+        self._whole = TURN * self._units
+        self._set_point = 0.0
+        self._drives = self._moving = self._overloaded = False
+        self._strained = self._stood = 0
+        """Looks for which the load was too much; for which the shaft stood."""
+        self._stands_at = math.nan
+        self._until_look = self._period = max(1, round(LOOK / self.tick))
+        self._made_of = ()
         self.put("firmware_version", self.firmware_version)
         self.put("torque_limit", self.get("max_torque"))  # 3-4-1 Max Torque
         self._listen()
@@ -84,7 +146,7 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
 
     def advance(self, now: float) -> None:
         super().advance(now)
-        if self.powered:
+        if self.powered and not self._settings().torque:
             self._follow_shaft()
 
     @property
@@ -105,7 +167,7 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
 
     # Packets
 
-    def hear(self, event: Packet | Corrupt, now: float) -> Replies:  # noqa: ARG002 - no instruction asks for the time
+    def hear(self, event: Packet | Corrupt, now: float) -> Replies:
         packet = event.packet if isinstance(event, Corrupt) else event
         if packet.code == Code.SYNC_WRITE and packet.id != BROADCAST:
             return []  # D-50
@@ -117,7 +179,8 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
             error, data = Error.CHECKSUM, b""
         else:
             error, data = self._obey(packet)
-        self._alarm(error)
+        if error:
+            self._alarm(error, now)
         return [(delay, FRAMING.frame(Packet(id, error | self.alarms, data)))] if answered else []
 
     def _answers(self, packet: Packet) -> bool:
@@ -232,37 +295,49 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
             self._kept = None  # ED-16
         if was_endless and not self.endless:
             self.put("goal_position", self.present)  # D-78
-        goal = self.row("goal_position").place
-        assert isinstance(goal, Address)
-        self._follow_shaft(keep_goal=address <= goal.address < address + len(data))
+        rows = [self._rows_by_address.get(at) for at in range(address, address + len(data))]
+        written = {row.name for row in rows if row}
+        if "goal_position" in written and self.goal_enables_torque:
+            self.put("torque_enable", 1)
+        if written & {"torque_enable", "torque_limit"}:
+            self._overloaded, self._strained = False, 0
+        if written & {"torque_enable", "torque_limit", "goal_position"} or was_endless != self.endless:
+            self._moving, self._stood = True, 0
+        self._follow_shaft(keep_goal="goal_position" in written)
 
     def _sense(self) -> None:
         """Bring the registers that are measured up to date."""
         speed = self.row("present_speed").scale.encode(self.shaft.velocity)
+        self._judge(self._settings())
         self.put("present_position", self.present)
         self.put("present_speed", max(-FULL, min(speed, FULL)))
-        # The load is inferred from the output (e-manual); an ideal shaft loads the motor in endless turn only.
+        # Inferred from the output, as ROBOTIS says; the sign is the direction in which the motor pushes.
         self.put("present_load", round(self.output * FULL))
         self.put("present_voltage", self._volts)
         self.put("present_temperature", self._celsius)
-        self.put("moving", int(self.torque and not self.endless and abs(self._target - self.shaft.position) > 1e-9))
+        self.put("moving", int(self._moving))
 
     # Alarms
 
     @property
     def alarms(self) -> Error:
         """What is wrong with the servo now; stands in every reply while it lasts (ED-25)."""
+        return self._alarms(self._settings())
+
+    def _alarms(self, now: Settings) -> Error:
         alarms = OK
-        if not self.get("lowest_limit_voltage") <= self._volts <= self.get("highest_limit_voltage"):
+        if not now.voltages[0] <= self._volts <= now.voltages[1]:
             alarms |= Error.INPUT_VOLTAGE
-        if self._celsius > self.get("highest_limit_temperature"):
+        if self._celsius > now.hottest:
             alarms |= Error.OVERHEATING
+        if self._overloaded:
+            alarms |= Error.OVERLOAD
         return alarms
 
-    def _alarm(self, errors: Error) -> None:
+    def _alarm(self, errors: Error, time: float) -> None:
         """Flicker and shut down as the masks say (3-4-1); a mask may name errors of a packet too (D-86)."""
         if errors & self.get("alarm_led"):
-            self._flicker_until = self.time + HOLD
+            self._flicker_until = time + HOLD
         if errors & self.get("alarm_shutdown"):
             # Whoever writes Torque Limit ends the shutdown (3-4-1, ED-29); Torque Enable is not touched.
             self.put("torque_limit", 0)
@@ -279,19 +354,101 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
     # Motion: what the firmware commands
 
     def control(self, ticks: int) -> None:
-        self._alarm(self.alarms)
-        if not self.torque:
-            self.shaft.rest()
-        elif self.endless:
-            speed = self.output * self.top_speed
-            for _ in range(ticks):
-                self.shaft.turn(speed, self.tick)
-        else:
-            target, speed = self._target, self._speed
-            for _ in range(ticks):
-                self.shaft.move_towards(target, speed, self.tick)
-                if not self.shaft.velocity:
-                    break
+        shaft, now = self.shaft, self._settings()
+        tick, approach = shaft.tick, self._approach
+        while ticks > 0:
+            if self._drives:
+                settled = approach(shaft.position * self._units, now)
+            elif now.torque:
+                shaft.drive(endless(now.share, now.limit))
+                settled = True
+            else:
+                shaft.release()
+                settled = True
+            # A shaft that stands, and an output that stays: then nothing happens until the next look.
+            count = 1
+            if settled and shaft.at_rest:
+                count = ticks if self._idle(now) else min(ticks, self._until_look)
+            tick(count)
+            ticks -= count
+            self._until_look -= count
+            if self._until_look <= 0:
+                self._until_look = self._period - -self._until_look % self._period
+                now = self._look(now, self.started + (self._ticks - ticks) * self.tick)
+
+    def _approach(self, units: float, now: Settings) -> bool:
+        """Drive from a position towards the goal; tell whether the output stays if the shaft does."""
+        present, goal = self._measured(units), now.goal
+        margin, slope = now.cw if goal > present else now.ccw
+        output = compliance(goal - present, margin, slope, now.punch, now.limit)
+        self._set_point = set_point = follow(self._set_point, present, goal, now.step)
+        if set_point == goal:
+            self.shaft.drive(output)
+            return True
+        self.shaft.drive(pursue(set_point - present, output))
+        return False
+
+    def _look(self, now: Settings, time: float) -> Settings:
+        """Look after the slow things at a time; give the settings after that."""
+        shaft = self.shaft
+        if now.torque:
+            self._strained = self._strained + 1 if strained(shaft.duty, now.limit, shaft.velocity) else 0
+            self._overloaded = self._strained * LOOK >= self.overload_time
+        self._stood = self._stood + 1 if shaft.velocity == 0 and shaft.position == self._stands_at else 0
+        self._stands_at = shaft.position
+        self._judge(now)
+        alarms = self._alarms(now)
+        if alarms:
+            self._alarm(alarms, time)
+            now = self._settings()
+        return now
+
+    def _judge(self, now: Settings) -> None:
+        """Find out whether the goal has been reached."""
+        if not self._drives:
+            self._moving = False
+        elif self._moving and self._set_point == now.goal:
+            error, standing = now.goal - self.present, self._stood * LOOK >= STILL
+            self._moving = not arrived(error, *(now.cw if error > 0 else now.ccw), self.shaft.velocity, standing)
+
+    def _idle(self, now: Settings) -> bool:
+        """Tell whether no alarm can come up as long as nobody touches the servo."""
+        shaft = self.shaft
+        temperatures = shaft.case, shaft.state.winding, shaft.ambient
+        cool, even = max(temperatures) < now.hottest, max(temperatures) - min(temperatures) < 0.1
+        return shaft.current == 0 and (cool or even)
+
+    def _settings(self) -> Settings:
+        """Give what the registers say now."""
+        table = self.memory.table
+        made_of = table[6:36], table[48:], self.slope_levels, self.sides_swapped
+        if made_of != self._made_of:
+            self._made_of, self._now = made_of, self._read_settings()
+            drove, self._drives = self._drives, self._now.torque and not self._now.endless
+            if self._drives and not drove:
+                self._set_point = self.present
+        return self._now
+
+    def _read_settings(self) -> Settings:
+        speed = self.get("moving_speed")
+        moved: float = self.row("moving_speed").decode(abs(speed)) * self._units * self.tick
+        sides = [
+            (self.get(f"{side}_compliance_margin"), width(self.get(f"{side}_compliance_slope"), self.slope_levels))
+            for side in (("ccw", "cw") if self.sides_swapped else ("cw", "ccw"))
+        ]
+        return Settings(
+            torque=self.torque,
+            endless=self.endless,
+            goal=self.get("goal_position"),
+            step=moved if speed else math.inf,  # 3-4-2: 0 is no speed control
+            share=max(-FULL, min(speed, FULL)) / FULL,
+            limit=self.get("torque_limit") / FULL,
+            punch=self.get("punch") / FULL,
+            cw=sides[0],
+            ccw=sides[1],
+            voltages=(self.get("lowest_limit_voltage"), self.get("highest_limit_voltage")),
+            hottest=self.get("highest_limit_temperature"),
+        )
 
     @property
     def torque(self) -> bool:
@@ -305,38 +462,23 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
 
     @property
     def output(self) -> float:
-        """Share of full output in endless turn, with direction; at most Torque Limit."""
-        if not (self.torque and self.endless):
-            return 0.0
-        limit = self.get("torque_limit")
-        return max(-limit, min(self.get("moving_speed"), limit)) / FULL
+        """Share of the supply voltage at the motor, with direction."""
+        return self.shaft.duty
 
     @property
     def present(self) -> int:
-        """Position as measured: the 60° that the sensor does not cover read as the nearer end (D-63)."""
-        return max(0, min(self.row("present_position").scale.encode(self._angle), FULL))
+        """Position as measured, and all that the control loop knows of it, in its unit.
 
-    @property
-    def _angle(self) -> float:
-        """Shaft angle within one turn, from the middle of the uncovered part on."""
-        covered: float = self.row("present_position").decode(FULL)
-        angle = self.shaft.position % TURN
-        return angle if angle <= (covered + TURN) / 2 else angle - TURN
+        The 60° that the sensor does not cover read as the nearer end; a goal at that end counts as reached (D-63).
+        """
+        return self._measured(self.shaft.position * self._units)
 
-    @property
-    def _target(self) -> float:
-        """Where on the shaft the goal is; a shaft beyond the sensor's end counts as there (D-63)."""
-        goal, covered = self.get("goal_position"), self.row("goal_position").decode(FULL)
-        if not 0 <= self._angle <= covered and goal == self.present:
-            return self.shaft.position
-        wanted: float = self.row("goal_position").decode(goal)
-        return self.shaft.position + wanted - self._angle
-
-    @property
-    def _speed(self) -> float:
-        """Speed to the goal; Moving Speed 0 means as fast as it goes (3-4-2)."""
-        speed: float = self.row("moving_speed").decode(abs(self.get("moving_speed")))
-        return min(speed, self.top_speed) if speed else self.top_speed
+    def _measured(self, units: float) -> int:
+        if not 0 <= units < FULL:
+            units %= self._whole
+            if units > FULL:
+                return FULL if units < (FULL + self._whole) / 2 else 0
+        return int(units + 0.5)
 
     def _follow_shaft(self, *, keep_goal: bool = False) -> None:
         if self.torque:

@@ -1,0 +1,93 @@
+"""The control law of the RX-28: plain numbers in, plain numbers out.
+
+    position  units of the register, 0 .. 1023; larger is counter-clockwise
+    output    -1 .. 1, the share of the supply voltage at the motor; positive turns counter-clockwise
+    limit     0 .. 1, the largest output (Torque Limit / 1023)
+    error     goal minus position
+
+Section numbers are those of the RX-28 user's manual. It draws the output over the position and says what Moving Speed
+gives, but not how the speed is kept: that part is an assumption.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+LEVELS: Final = ((5, 4), (11, 8), (23, 16), (47, 32), (95, 64), (191, 128), (254, 254))
+"""Compliance Slope: (highest value, what it acts as), as 3-4-2 has it."""
+EMANUAL_LEVELS: Final = ((3, 2), (7, 4), (15, 8), (31, 16), (63, 32), (127, 64), (254, 128))
+"""The same as the maker's online manual has it (ED-13)."""
+
+SPAN: Final = 32
+"""Position units; assumption. Speed control: how far the shaft lags at full output."""
+OVERLOAD_TIME: Final = 1.5
+"""s; assumption: 3-3 says when a load is too much, and not after how long."""
+STANDSTILL: Final = 0.0058
+"""rad/s; assumption: the load moves as long as Present Speed would not read 0 (half of 0.111 rpm)."""
+
+
+def width(slope: int, levels: Sequence[tuple[int, int]] = LEVELS) -> int:
+    """Give what a Compliance Slope acts as (3-4-2: seven levels)."""
+    for highest, acts_as in levels:
+        if slope <= highest:
+            return acts_as
+    return levels[-1][1]
+
+
+def compliance(error: float, margin: float, slope: float, punch: float, limit: float) -> float:
+    """Give the output for a distance to the goal (3-4-2, the drawing of compliance).
+
+    margin  position units next to the goal without output
+    slope   position units next to the margin over which the output falls from full to punch
+    punch   the lowest output outside the margin, 0 .. 1
+
+    The limit cuts the curve; it does not scale it (assumption: 3-4-1 calls it a restraint).
+    """
+    outside = abs(error) - margin
+    if outside <= 0:
+        return 0.0
+    share = punch + (1 - punch) * outside / slope if outside < slope else 1.0
+    share = min(share, limit)
+    return share if error > 0 else -share
+
+
+def follow(set_point: float, position: float, goal: float, step: float) -> float:
+    """Move the set point of the speed control on by a step, in position units, towards the goal.
+
+    It never leaves the shaft further behind than SPAN, so that a shaft that was held does not hurry afterwards. An
+    infinite step is no speed control: then it is at the goal.
+    """
+    lead = set_point - position
+    held = set_point if -SPAN <= lead <= SPAN else position + SPAN if lead > 0 else position - SPAN
+    left = goal - held
+    return goal if -step <= left <= step else held + step if left > 0 else held - step
+
+
+def pursue(lead: float, ceiling: float) -> float:
+    """Give the output that keeps the shaft behind a moving set point that is `lead` ahead (D-60, assumption).
+
+    3-4-2 has the appropriate torque for the set speed up to the slope, and the curve of compliance there. So the
+    output is in proportion to the lead, and never above the curve: a shaft that hangs back gets all there is.
+    """
+    most, output = abs(ceiling), lead / SPAN
+    return output if -most <= output <= most else most if output > 0 else -most
+
+
+def endless(share: float, limit: float) -> float:
+    """Give the output in endless turn (3-4-3): what Moving Speed says, up to the limit."""
+    return min(max(share, -limit), limit)
+
+
+def strained(output: float, limit: float, velocity: float) -> bool:
+    """Tell whether a shaft (rad/s) does not yield to all the output there may be (3-3, Overload Error)."""
+    most = abs(output)
+    return most > 0 and most >= limit and velocity * output <= STANDSTILL * most
+
+
+def arrived(error: float, margin: float, slope: float, velocity: float, standing: bool) -> bool:
+    """Tell whether a shaft (rad/s) has reached its goal (3-4-2 Moving).
+
+    Assumption: it has not while it swings through, and it has where a load keeps it standing within the slope, because
+    compliance gets it no nearer.
+    """
+    distance = abs(error) - margin
+    return (distance <= 0 and abs(velocity) <= STANDSTILL) or (standing and distance < slope)
