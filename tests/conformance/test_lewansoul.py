@@ -9,6 +9,7 @@ import itertools
 import math
 import re
 import sys
+from time import process_time
 from typing import Any
 
 import pytest
@@ -20,6 +21,9 @@ from servobus.framing import Packet
 from servobus.models.lx16a import LX16A
 from servobus.units import deg
 from servobus.virtual.lewansoul import LewansoulServo
+from servobus.virtual.motion import Rail
+from servobus.virtual.motor import Load, no_load_speed, operating_point
+from servobus.virtual.motors import LX16A as MOTOR
 from servobus.virtual.servo import VirtualServo, virtual_servo
 
 UNIT = 0.24 * deg
@@ -84,8 +88,32 @@ def units(wire: Wire) -> float:
 
 
 def about(value: float) -> Any:
-    """Compare positions in units: a control step of 1 ms at full speed is 1.6 units."""
-    return pytest.approx(value, abs=1.6)
+    """Compare positions in units, of a shaft that has come to rest: the loop holds within one."""
+    return pytest.approx(value, abs=1.0)
+
+
+def passing(value: float) -> Any:
+    """Compare positions in units, on the way: at 500 units/s a tick of 2 ms is one, and the loop has an error too."""
+    return pytest.approx(value, abs=2.0)
+
+
+def arrival(wire: Wire, goal: float, within: float = 1.0) -> float:
+    """Wait until the shaft is at a goal (units) and stands there; give the seconds until it came there to stay."""
+    start, came, since = wire.now, 0.0, 0.0
+    while wire.now - start < 60:
+        wire.wait(0.002)
+        if units(wire) != pytest.approx(goal, abs=within):
+            came = 0.0
+        elif not came:
+            came = since = wire.now
+        elif wire.now - since > 0.2:
+            return came - start
+    raise AssertionError(f"never at {goal}, but at {units(wire)}")
+
+
+def block(wire: Wire, blocked: bool = True) -> None:
+    """Hold the shaft in a vice, or let it go."""
+    wire.servo.shaft.load = Load(blocked=1.0 if blocked else 0.0)
 
 
 def memory(wire: Wire) -> tuple[bytes, bytes, bytes]:
@@ -289,17 +317,29 @@ def test_L_16_low_byte_first() -> None:
 def test_L_17_a_move_starts_at_once_at_uniform_speed_and_arrives_in_time() -> None:
     wire = loaded()
     tell(wire, "01 07 01 E8 03 E8 03")  # to 1000 in 1000 ms
+    wire.wait(0.004)
+    assert wire.servo.shaft.velocity > 0
+    wire.wait(0.096)
     track = []
-    for _ in range(11):
+    for _ in range(10):
         track.append(units(wire))
+        assert wire.servo.shaft.velocity == pytest.approx(500 * UNIT, rel=0.02)
         wire.wait(0.1)
-    assert track == [about(500 + 50 * i) for i in range(11)]
+    assert track == [passing(550 + 50 * i) for i in range(10)]
+    assert units(wire) == about(1000)
     assert ask(wire, "01 03 1C") == "01 05 1C E8 03"
     tell(wire, "01 07 01 00 00 30 75")  # to 0 in 30000 ms
     wire.wait(15)
-    assert units(wire) == about(500)
+    assert units(wire) == passing(500)
     wire.wait(15)
     assert units(wire) == about(0)
+    for raw, seconds in (("FA 00", 0.25), ("E8 03", 1.0), ("88 13", 5.0)):
+        tell(wire, "01 07 01 00 00 00 00")
+        wire.wait(1.0)
+        tell(wire, f"01 07 01 2C 01 {raw}")  # to 300
+        wire.wait(seconds)
+        assert units(wire) == pytest.approx(300, abs=1 + 0.004 * 300 / seconds)  # two ticks at its speed
+        assert arrival(wire, 300) <= 0.08  # it has to brake, from its speed at the last moment
 
 
 def test_L_18_a_unit_is_a_quarter_degree_less_a_hundredth() -> None:
@@ -307,7 +347,7 @@ def test_L_18_a_unit_is_a_quarter_degree_less_a_hundredth() -> None:
     for raw, angle in (("00 00", 0.0), ("01 00", 0.24), ("F4 01", 120.0), ("E8 03", 240.0)):
         tell(wire, f"01 07 01 {raw} 00 00")
         wire.wait(1.0)
-        assert math.degrees(wire.servo.position) == pytest.approx(angle)
+        assert math.degrees(wire.servo.position) == pytest.approx(angle, abs=0.12)  # half a unit
         assert ask(wire, "01 03 1C") == f"01 05 1C {raw}"
 
 
@@ -343,8 +383,8 @@ def test_L_22_the_kept_move_is_started() -> None:
     wire.wait(1.0)
     tell(wire, "01 03 0B")
     wire.wait(0.5)
-    assert units(wire) == about(750)
-    wire.wait(0.5)
+    assert units(wire) == passing(750)
+    wire.wait(0.6)
     assert units(wire) == about(1000)
 
 
@@ -397,22 +437,31 @@ def test_L_27_all_kept_moves_start_together() -> None:
     tell(wire, "02 07 07 00 00 E8 03")
     wire.wait(1.0)
     tell(wire, "FE 03 0B")
-    for passed in (0.25, 0.5, 0.75, 1.0):
+    for passed in (0.25, 0.5, 0.75):
         wire.wait(0.25)
         positions = [one.position / UNIT for one in wire.line.servos]
-        assert positions == [about(500 + 500 * passed), about(500 - 500 * passed), about(500)]
+        assert positions == [passing(500 + 500 * passed), passing(500 - 500 * passed), about(500)]
+    wire.wait(0.3)
+    assert [one.position / UNIT for one in wire.line.servos] == [about(1000), about(0), about(500)]
 
 
 def test_L_28_stop_holds() -> None:
-    wire = loaded()
-    tell(wire, "01 07 01 E8 03 E8 03")
-    wire.wait(0.5)
-    tell(wire, "01 03 0C")
-    stopped = units(wire)
-    assert stopped == about(750)
-    wire.wait(1.0)
-    assert units(wire) == stopped
-    assert holds(wire)
+    for time, wait in (("E8 03", 0.5), ("00 00", 0.15)):
+        wire = loaded()
+        tell(wire, f"01 07 01 E8 03 {time}")
+        wire.wait(wait)
+        tell(wire, "01 03 0C")
+        stopped, speed = units(wire), wire.servo.shaft.velocity / UNIT
+        assert 600 < stopped < 900
+        farthest = stopped
+        for _ in range(100):
+            wire.wait(0.002)
+            farthest = max(farthest, units(wire))
+        assert farthest - stopped < 0.03 * speed  # what it needs to brake from full speed
+        wire.wait(1.0)
+        assert units(wire) == about(stopped)
+        assert wire.servo.shaft.velocity == 0
+        assert holds(wire)
 
 
 def test_L_29_stop_does_nothing_at_rest() -> None:
@@ -434,7 +483,7 @@ def test_L_30_a_new_move_begins_where_the_servo_is_and_takes_its_own_time() -> N
     wire.wait(0.5)  # at 750
     tell(wire, "01 07 01 26 02 D0 07")  # to 550 in 2000 ms
     wire.wait(1.0)
-    assert units(wire) == about(650)
+    assert units(wire) == passing(650)
     wire.wait(1.0)
     assert units(wire) == about(550)
 
@@ -455,14 +504,16 @@ def test_L_31_goals_are_cut_to_the_angle_limits() -> None:
 def test_L_32_time_0_is_as_fast_as_possible_and_30000_the_longest() -> None:
     wire = loaded()
     tell(wire, "01 07 01 E8 03 00 00")
-    wire.wait(0.32 - 0.01)  # 120 degrees at 60 degrees in 0.16 s
-    assert units(wire) < 990
-    wire.wait(0.01)
-    assert units(wire) == about(1000)
+    while units(wire) < 900:
+        wire.wait(0.002)
+        assert wire.servo.shaft.duty == 1  # nothing is held back
+    wire = loaded()
+    tell(wire, "01 07 01 E8 03 00 00")
+    assert 0.32 < arrival(wire, 1000) < 0.45  # 120 degrees at 60 in 0.16 s; to run up and to brake takes the rest
     tell(wire, "01 07 01 00 00 FF FF")
     assert ask(wire, "01 03 02") == "01 07 02 00 00 30 75"
     wire.wait(15)
-    assert units(wire) == about(500)
+    assert units(wire) == passing(500)
     wire.wait(15)
     assert units(wire) == about(0)
     tell(wire, "01 07 07 00 00 31 75")
@@ -483,22 +534,17 @@ def test_L_33_goals_above_1000_are_1000() -> None:
 
 
 def test_L_34_a_time_too_short_is_late_at_full_speed() -> None:
-    wire = loaded()
-    tell(wire, "01 07 01 E8 03 64 00")  # 120 degrees in 100 ms
-    wire.wait(0.1)
-    assert wire.servo.position == pytest.approx(120 * deg + 0.1 * TOP_SPEED, abs=1.6 * UNIT)
-    wire.wait(0.32 - 0.1 - 0.01)
-    assert units(wire) < 990
-    wire.wait(0.01)
-    assert units(wire) == about(1000)
-    # At 6 V the product pages have 60 degrees in 0.20 s. The limit is below that, so that it works at all.
-    slow = loaded(voltage=6.0)
-    tell(slow, "01 07 16 94 11 E0 2E")
-    tell(slow, "01 07 01 E8 03 64 00")
-    slow.wait(0.40 - 0.01)
-    assert units(slow) < 990
-    slow.wait(0.01)
-    assert units(slow) == about(1000)
+    for volts, per_60 in ((7.4, 0.16), (6.0, 0.20)):  # the product pages
+        late = []
+        for time in ("00 00", "64 00"):  # 120 degrees as fast as possible, and in 100 ms
+            wire = loaded(voltage=volts)
+            tell(wire, "01 07 16 94 11 E0 2E")  # the limit is below 6 V, so that it works at all
+            tell(wire, f"01 07 01 E8 03 {time}")
+            wire.wait(0.25)
+            assert wire.servo.shaft.velocity == pytest.approx(60 * deg / per_60, rel=0.02)
+            late.append(0.25 + arrival(wire, 1000))
+        assert 2 * per_60 < late[1] < 2 * per_60 + 0.13
+        assert late[1] == pytest.approx(late[0], abs=0.02)
 
 
 # Id
@@ -547,13 +593,15 @@ def test_L_40_the_servo_turns_at_once_by_the_change_of_the_offset() -> None:
     wire = loaded()
     for raw, angle in (("32", 12.0), ("7D", 30.0), ("83", -30.0), ("00", 0.0)):
         tell(wire, f"01 04 11 {raw}")
-        wire.wait(0.2)
-        assert math.degrees(wire.servo.position) == pytest.approx(120 + angle)
+        wire.wait(0.01)
+        assert wire.servo.shaft.velocity * (120 + angle - math.degrees(wire.servo.position)) > 0
+        wire.wait(0.4)
+        assert math.degrees(wire.servo.position) == pytest.approx(120 + angle, abs=0.12)
         assert ask(wire, "01 03 13") == f"01 04 13 {raw}"
     tell(wire, "01 07 01 F5 01 30 75")  # a very slow move does not make the next turn slow
     wire.wait(30.1)
     tell(wire, "01 04 11 32")
-    wire.wait(0.2)
+    wire.wait(0.4)
     assert units(wire) == about(551)
     # Beyond 125 it is cut (EL-15): 127 is 125, -128 is -125.
     tell(wire, "01 04 11 7F")
@@ -565,8 +613,8 @@ def test_L_40_the_servo_turns_at_once_by_the_change_of_the_offset() -> None:
 def test_L_41_the_offset_is_a_signed_byte() -> None:
     wire = loaded()
     tell(wire, "01 04 11 CE")  # -50
-    wire.wait(0.2)
-    assert math.degrees(wire.servo.position) == pytest.approx(120 - 12)
+    wire.wait(0.4)
+    assert math.degrees(wire.servo.position) == pytest.approx(120 - 12, abs=0.12)
     assert ask(wire, "01 03 13") == "01 04 13 CE"
 
 
@@ -596,7 +644,7 @@ def test_L_44_the_offset_in_use_can_be_read_and_is_0() -> None:
 def test_L_45_positions_count_from_the_shifted_zero() -> None:
     wire = loaded()
     tell(wire, "01 04 11 64")  # 100 units
-    wire.wait(0.2)
+    wire.wait(0.4)
     assert units(wire) == about(600)
     assert ask(wire, "01 03 1C") == "01 05 1C F4 01"  # still 500
     tell(wire, "01 07 01 E8 03 00 00")
@@ -667,10 +715,10 @@ def test_L_51_a_voltage_outside_the_limits_unloads_and_flashes(volts: float) -> 
         assert units(wire) == about(500)
         tell(wire, "01 03 0C")
         wire.servo.voltage = 7.4
-        wire.wait(0.01)
+        wire.wait(0.2)
     for at_the_limit in (6.5, 12.0):
         wire.servo.voltage = at_the_limit
-        wire.wait(0.01)
+        wire.wait(0.2)
         assert holds(wire)
 
 
@@ -681,7 +729,7 @@ def test_L_52_torque_returns_with_the_voltage(volts: float) -> None:
     wire.wait(0.1)
     assert not holds(wire)
     wire.servo.voltage = 7.4
-    wire.wait(0.01)
+    wire.wait(0.2)
     assert holds(wire)
     tell(wire, "01 07 01 E8 03 00 00")
     wire.wait(1.0)
@@ -753,9 +801,22 @@ def test_L_59_motor_mode_turns_forward_and_reverse() -> None:
     wire = loaded()
     for speed, share in (("E8 03", 1.0), ("F4 01", 0.5), ("00 00", 0.0), ("0C FE", -0.5), ("18 FC", -1.0)):
         tell(wire, f"01 07 1D 01 00 {speed}")
+        wire.wait(1.0)
+        assert wire.servo.shaft.duty == share
         before = wire.servo.position
         wire.wait(2.0)
-        assert wire.servo.position - before == pytest.approx(2.0 * share * TOP_SPEED, abs=0.002 * TOP_SPEED)
+        pace = (wire.servo.position - before) / 2.0
+        # A share of the output is a little less of the speed, because friction remains.
+        assert pace == pytest.approx(no_load_speed(MOTOR, 7.4 * share), rel=0.005, abs=1e-9)
+        assert pace == pytest.approx(share * TOP_SPEED, abs=0.03 * TOP_SPEED)
+        if abs(share) == 1:
+            assert abs(pace) == pytest.approx(TOP_SPEED, rel=0.01)
+    # It is an output, and no loop: a load slows it down.
+    tell(wire, "01 07 1D 01 00 F4 01")
+    wire.servo.shaft.load = Load(torque=-0.4)
+    wire.wait(2.0)
+    assert wire.servo.shaft.velocity == pytest.approx(operating_point(MOTOR, 3.7, -0.4)[0], rel=0.02)
+    assert 0 < wire.servo.shaft.velocity < 0.35 * TOP_SPEED
 
 
 def test_L_60_position_mode_ignores_the_speed() -> None:
@@ -798,10 +859,12 @@ def test_L_63_back_in_position_mode_it_holds_where_it_is() -> None:
     wire.wait(0.2)
     tell(wire, "01 07 1D 00 00 00 00")
     here = units(wire)
-    assert here == about(500 + 0.2 * TOP_SPEED / UNIT)
+    assert 700 < here < 500 + 0.2 * TOP_SPEED / UNIT
     wire.wait(1.0)
-    assert units(wire) == here
+    assert units(wire) == about(here)
     assert holds(wire)
+    wire.wait(1.0)
+    assert wire.servo.shaft.velocity == 0
 
 
 def test_L_64_moves_do_nothing_in_motor_mode_and_angle_limits_neither() -> None:
@@ -818,11 +881,11 @@ def test_L_64_moves_do_nothing_in_motor_mode_and_angle_limits_neither() -> None:
     assert units(wire) == about(500)
     tell(wire, "01 07 1D 01 00 E8 03")
     wire.wait(1.0)
-    assert units(wire) == about(500 + TOP_SPEED / UNIT)
+    assert units(wire) > 500 + 0.9 * TOP_SPEED / UNIT
     tell(wire, "01 07 1D 00 00 00 00")
     here = units(wire)
     wire.wait(1.0)
-    assert units(wire) == here  # the moves of before are forgotten
+    assert units(wire) == about(here)  # the moves of before are forgotten
     free = limp()
     tell(free, "01 07 01 E8 03 00 00")
     tell(free, "01 07 1D 01 00 00 00")
@@ -853,9 +916,14 @@ def test_L_66_torque_off_and_on() -> None:
     tell(wire, "01 07 01 E8 03 E8 03")
     wire.wait(0.5)
     tell(wire, "01 04 1F 00")
-    here = units(wire)
+    here, speed = units(wire), wire.servo.shaft.velocity / UNIT
+    assert here == passing(750)
+    wire.wait(0.01)
+    assert wire.servo.shaft.current == 0
     wire.wait(1.0)
-    assert units(wire) == here == about(750)
+    # Nothing brakes it but friction, and nothing takes it any further than that lets it go.
+    slowing = MOTOR.coulomb / MOTOR.inertia / UNIT
+    assert units(wire) == pytest.approx(here + speed**2 / (2 * slowing), abs=3.0)
     assert wire.servo.shaft.velocity == 0
     wire.servo.turn_shaft(123 * UNIT)
     assert ask(wire, "01 03 1C") == "01 05 1C 7B 00"
@@ -889,8 +957,8 @@ def test_L_69_a_move_without_torque_waits_for_it() -> None:
     assert ask(wire, "01 03 02") == "01 07 02 E8 03 E8 03"
     tell(wire, "01 04 1F 01")
     wire.wait(0.5)
-    assert units(wire) == about(750)
-    wire.wait(0.5)
+    assert units(wire) == passing(750)
+    wire.wait(0.6)
     assert units(wire) == about(1000)
 
 
@@ -901,8 +969,12 @@ def test_L_70_torque_on_holds_where_the_shaft_is() -> None:
     tell(wire, "01 04 1F 00")
     wire.servo.turn_shaft(300 * UNIT)
     tell(wire, "01 04 1F 01")
-    wire.wait(2.0)
-    assert units(wire) == about(300)
+    for _ in range(20):
+        wire.wait(0.1)
+        assert units(wire) == about(300)
+    wire.servo.shaft.load = Load(torque=0.5)
+    wire.wait(1.0)
+    assert units(wire) == about(300)  # and it holds
 
 
 # Light
@@ -932,22 +1004,73 @@ def test_L_72_the_setting_of_the_light_can_be_read() -> None:
 
 @pytest.mark.parametrize("mask", range(8))
 def test_L_73_the_mask_says_which_faults_flash(mask: int) -> None:
-    wire = limp()
+    wire = loaded()
     tell(wire, f"01 04 23 {mask:02X}")
+    tell(wire, "01 07 01 E8 03 00 00")
+    wire.wait(1.0)
+    assert light(wire) == "on"
+    block(wire)
+    tell(wire, "01 07 01 00 00 00 00")
+    wire.wait(1.5)
+    assert light(wire) == ("flashing" if mask & 4 else "on")
+    # The manual unloads for heat and for voltage only: this goes on pushing.
+    assert holds(wire)
+    assert wire.servo.shaft.duty == -1
     wire.servo.temperature = 90.0
-    assert light(wire) == ("flashing" if mask & 1 else "on")
+    assert light(wire) == ("flashing" if mask & 1 else "on")  # unloaded, it pushes no more
     wire.servo.temperature = 25.0
     wire.servo.voltage = 5.0
     assert light(wire) == ("flashing" if mask & 2 else "on")
     wire.servo.temperature = 90.0
     assert light(wire) == ("flashing" if mask & 3 else "on")
+    assert not holds(wire)
+
+
+def test_locked_is_a_rotor_that_stands_for_a_second_at_nearly_full_output() -> None:
+    wire = loaded()
+    block(wire)
+    tell(wire, "01 07 01 E8 03 00 00")
+    wire.wait(0.9)
+    assert light(wire, 0.05) == "on"
+    block(wire, False)
+    wire.wait(1.0)
+    assert units(wire) == about(1000)
+    assert light(wire) == "on"
+    # A load just too heavy locks it, in motor mode too; a heavy one that it still turns does not.
+    for torque, mode, seen in ((-1.6, "E8 03", "on"), (-2.0, "E8 03", "flashing"), (0.0, "E8 03", "on")):
+        tell(wire, f"01 07 1D 01 00 {mode}")
+        wire.servo.shaft.load = Load(torque=torque)
+        wire.wait(1.5)
+        assert light(wire) == seen
+    # Half the output against a vice is not nearly full, however long.
+    block(wire)
+    tell(wire, "01 07 1D 01 00 F4 01")
+    wire.wait(3.0)
+    assert light(wire) == "on"
+
+
+def test_a_small_error_that_cannot_be_put_right_locks_in_the_end() -> None:
+    wire = loaded()
+    block(wire)
+    tell(wire, "01 07 01 F6 01 00 00")  # two units away
+    wire.wait(3.0)
+    assert light(wire) == "flashing"
 
 
 @pytest.mark.parametrize("led", ["00", "01"])
-def test_L_74_a_fault_flashes_whether_the_light_is_on_or_off(led: str) -> None:
-    wire = limp()
+@pytest.mark.parametrize("fault", ["heat", "voltage", "locked rotor"])
+def test_L_74_a_fault_flashes_whether_the_light_is_on_or_off(led: str, fault: str) -> None:
+    wire = loaded()
     tell(wire, f"01 04 21 {led}")
-    wire.servo.temperature = 90.0
+    match fault:
+        case "heat":
+            wire.servo.temperature = 90.0
+        case "voltage":
+            wire.servo.voltage = 5.0
+        case _:
+            block(wire)
+            tell(wire, "01 07 01 E8 03 00 00")
+            wire.wait(1.5)
     assert light(wire) == "flashing"
     assert ask(wire, "01 03 22") == f"01 04 22 {led}"
 
@@ -977,7 +1100,15 @@ def test_L_77_after_the_fault_the_light_is_as_it_was_set(led: str, after: str) -
     wire.servo.voltage = 5.0
     assert light(wire) == "flashing"
     wire.servo.voltage = 7.4
-    wire.wait(0.01)
+    wire.wait(0.2)
+    assert light(wire) == after
+    tell(wire, "01 04 1F 01")
+    block(wire)
+    tell(wire, "01 07 01 E8 03 00 00")
+    wire.wait(1.5)
+    assert light(wire) == "flashing"
+    block(wire, False)
+    wire.wait(0.2)
     assert light(wire) == after
 
 
@@ -1049,10 +1180,12 @@ def test_a_protection_shows_in_command_32_and_ends_without_a_jump() -> None:
     wire.servo.voltage = 5.0
     wire.wait(0.5)
     assert ask(wire, "01 03 20") == "01 04 20 00"
+    here = units(wire)
+    assert 750 < here < 900  # it ran out
     wire.servo.voltage = 7.4
     wire.wait(1.0)
     assert ask(wire, "01 03 20") == "01 04 20 01"
-    assert units(wire) == about(750)
+    assert units(wire) == about(here)
 
 
 def test_an_offset_during_a_move_shifts_where_it_ends() -> None:
@@ -1061,7 +1194,7 @@ def test_an_offset_during_a_move_shifts_where_it_ends() -> None:
     wire.wait(0.5)
     tell(wire, "01 04 11 32")
     wire.wait(0.1)
-    assert units(wire) == about(680)
+    assert units(wire) == passing(680)
     wire.wait(1.0)
     assert units(wire) == about(850)
     assert ask(wire, "01 03 1C") == "01 05 1C 20 03"
@@ -1112,6 +1245,52 @@ def test_how_finely_time_is_cut_makes_no_difference() -> None:
         wire.now = start + 0.7
         tracks.append(units(wire))
     assert tracks[0] == tracks[1] == tracks[2]
+
+
+@pytest.mark.parametrize("load", [Load(), Load(mass=0.4, length=0.1), Load(blocked=1.0)])
+def test_nor_does_it_to_a_servo_that_stands(load: Load) -> None:
+    ends = []
+    for step in (0.002, 0.017, 0.3, 2.0):
+        wire = loaded()
+        wire.servo.shaft.load = load
+        for command_ in ("01 07 01 E8 03 E8 03", "01 07 01 64 00 00 00"):
+            tell(wire, command_)
+            end = wire.now + 4.0
+            for i in range(1, math.ceil(4.0 / step)):
+                wire.servo.advance(end - 4.0 + i * step)
+            wire.now = end
+            wire.observe()
+        ends.append((wire.servo.position, wire.servo.temperature, wire.servo.shaft.current, wire.servo.led))
+    assert ends[0] == ends[1] == ends[2] == ends[3]
+
+
+def test_a_stalled_servo_gets_too_hot_even_if_nobody_looks() -> None:
+    wire = loaded()
+    block(wire)
+    tell(wire, "01 07 01 E8 03 00 00")
+    wire.wait(120.0)
+    assert not holds(wire) or wire.servo.temperature < 85
+    assert 80 < wire.servo.temperature < 92  # it lets go and takes hold
+
+
+def test_a_weak_supply_that_the_motor_pulls_down_does_not_make_it_rattle() -> None:
+    wire = Wire(servo(1), servo(2), supply=Rail(7.4, 0.5))
+    tell(wire, "FE 04 1F 01")
+    tell(wire, "FE 07 01 E8 03 00 00")
+    changes, before = 0, True
+    for _ in range(500):
+        wire.wait(0.002)
+        changes += wire.servo.torque != before
+        before = wire.servo.torque
+    assert 1 <= changes <= 20  # tenths of a second apart
+
+
+def test_a_resting_servo_costs_next_to_nothing() -> None:
+    wire = loaded()
+    wire.wait(1.0)
+    started = process_time()
+    wire.wait(1000.0)
+    assert process_time() - started < 2.0  # 500,000 ticks
 
 
 def test_every_behaviour_is_tested_once_or_missing_for_a_reason() -> None:

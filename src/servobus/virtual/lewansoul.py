@@ -10,6 +10,11 @@ assumption:
     angle where the shaft is, not of the goal. Command 32 tells the state of the motor, so it answers 0 then.
     In motor mode the motor turns on when torque returns; command 12 means nothing there, and a kept move is
     used up by command 11 without moving anything.
+    Motor mode is an output, not a speed: what becomes of it is up to the motor, and 0 brakes.
+    A locked rotor (output nearly full, and no motion for a second) flashes the light and does no more: the manual
+    unloads for voltage and temperature only. It ends as soon as the rotor turns or the output falls.
+    Voltage protects at once and lets go of its alarm a tenth of a second after the voltage is back, so that a weak
+    supply that the motor itself pulls down does not make it rattle.
     New angle limits act on moves that begin after them. Command 2 and 8 give a move back as it came, cut to
     0 .. 1000 and 0 .. 30000 only; before any command 7 the latter answers as L-20 has it for the former.
 """
@@ -32,6 +37,7 @@ from servobus.protocols.lewansoul import (
     parse_request,
 )
 from servobus.registers import Area, Pair, Register
+from servobus.virtual.control.lewansoul import GAINS, LOCKED_TIME, UNIT, hold, set_point, stands
 from servobus.virtual.servo import Replies, VirtualServo
 
 TURN = 2 * math.pi
@@ -40,14 +46,19 @@ DELAY = 0.0005
 FLASH = 0.5
 """s; assumption: one on and off of a light that flashes."""
 MILLISECOND = 0.001
-MILLIVOLT = 0.001
+BACK_TIME = 0.1
+"""s that the voltage has to be good again; assumption."""
+LOOK = 50
+"""Ticks between two looks at a servo that stands; its heat flows no more often either."""
 
 
 class LewansoulServo(VirtualServo, family=Lewansoul):
     """Angles: `shaft.position` is where the shaft is, offset included (L-45); 0 is position 0 at offset 0."""
 
-    tick = 0.001
-    """s; assumption: the unit of the move times."""
+    tick = 0.002
+    """s; assumption."""
+    gains = GAINS
+    """Of the position loop."""
     garbage_timeout = 0.1
     """Longest pause between two bytes of a packet, s; assumption (L-12)."""
 
@@ -62,8 +73,10 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
     _faults = Alarm(0)
     _target: float | None = None
     """Where on the shaft the goal is, rad; None while nothing holds the shaft there."""
-    _speed = math.inf
-    """Speed to the goal, rad/s."""
+    _point = 0.0
+    """The set point, on its way there, rad."""
+    _speed = 0.0
+    """Of the set point on its way, rad/s."""
     _waiting = False
     """Whether a move of command 7 waits for command 11."""
     _late: tuple[int, int] | None = None
@@ -81,6 +94,12 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         self.baud = BAUD
         self._target = self._late = None
         self._waiting = False
+        self._total = 0.0
+        self._last = self.shaft.position
+        self._count = self._owed = self._good = self._stuck = 0
+        self._stuck_at = self._last
+        self._seen: tuple[float, float] | None = None
+        self._calm: tuple[float, float, float] | None = None
         # L-20: until a move is given, present position and time 0 stand in its place.
         self._ungiven = {"goal_position", "wait_goal_position"}
         self._faults = Alarm(0)
@@ -108,6 +127,7 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         if not command.reply:
             self._obey(request)
             self._hold()
+            self._seen = self._calm = None
             return []
         if request.id == BROADCAST and command is not Command.SERVO_ID_READ:
             return []  # L-5
@@ -192,15 +212,15 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         self._set("motor_speed", speed if mode == Mode.MOTOR else 0)  # L-62
 
     def _adjust(self, offset: int) -> None:
-        """Shift the zero until power-off: what holds its angle turns by as much, at full speed (L-40)."""
+        """Shift the zero until power-off: what holds its angle turns by as much, as fast as it can (L-40)."""
         row = self.row("angle_offset")
         low, high = row.limits
         offset = max(low, min(offset, high))
         change = row.decode(offset - self.get("angle_offset"))
         self.memory[row] = offset
         if self._target is not None:
-            if self._target == self.shaft.position:
-                self._speed = math.inf
+            if self._target == self._point:
+                self._point += change
             self._target += change
 
     def _sense(self) -> None:
@@ -216,15 +236,35 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
 
     def _protect(self) -> None:
         """See what is wrong, and let go of the shaft or take hold of it accordingly."""
-        faults = Alarm(0)
+        seen = self.voltage, self.temperature
+        if seen == self._seen and Alarm.OVER_VOLTAGE not in self._faults:
+            return
+        self._seen = seen
+        faults = self._faults & Alarm.LOCKED_ROTOR
         if not self.get("min_voltage") <= self._millivolts <= self.get("max_voltage"):
+            self._good = 0
             faults |= Alarm.OVER_VOLTAGE  # EL-11
+        elif Alarm.OVER_VOLTAGE in self._faults:
+            self._good += 1
+            if self._good * self.tick < BACK_TIME:
+                faults |= Alarm.OVER_VOLTAGE
         # Point 16: off above the limit, on again below it; at the limit it stays as it is.
         was_hot = Alarm.OVER_TEMPERATURE in self._faults
         if self._celsius > self.get("max_temperature") - was_hot:
             faults |= Alarm.OVER_TEMPERATURE
         self._faults = faults
         self._hold()
+
+    def _watch(self) -> None:
+        """See whether something holds the rotor against nearly all that the motor has."""
+        position = self.shaft.position
+        if stands(self.shaft.duty, position - self._stuck_at):
+            self._stuck += 1
+            if self._stuck * self.tick >= LOCKED_TIME:
+                self._faults |= Alarm.LOCKED_ROTOR
+        else:
+            self._stuck, self._stuck_at = 0, position
+            self._faults &= ~Alarm.LOCKED_ROTOR
 
     @property
     def _millivolts(self) -> int:
@@ -237,23 +277,64 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
     # Motion: what the firmware commands
 
     def control(self, ticks: int) -> None:
+        while ticks:
+            if self._resting:
+                passed = min(ticks, LOOK - self._count % LOOK)
+                self._owed += passed
+            else:
+                passed = 1
+                self._pay()
+                self._run()
+            self._count += passed
+            ticks -= passed
+            if self._owed and self._count % LOOK == 0:
+                self._pay()
+
+    @property
+    def _resting(self) -> bool:
+        """Whether nothing but heat goes on: the shaft stands, and so does all that could change the output."""
+        return self._calm is not None and self.shaft.at_rest and self._calm == self._scene()
+
+    def _scene(self) -> tuple[float, float, float]:
+        return self.shaft.position, self.voltage, self.temperature
+
+    def _pay(self) -> None:
+        """Let the heat flow of the ticks for which the shaft stood."""
+        owed, self._owed = self._owed, 0
+        # A shaft that something new pulls at has its own ticks; the heat of the old ones is no matter then.
+        if owed and self.shaft.at_rest:
+            self.shaft.tick(owed)
+
+    def _run(self) -> None:
+        """Let one tick of the control loop pass."""
+        shaft = self.shaft
         self._protect()
+        before = shaft.duty, self._total, self._point
         if not self.torque:
-            self.shaft.rest()
+            shaft.release()
         elif self._target is None:
-            speed = self.output * self.top_speed
-            for _ in range(ticks):
-                self.shaft.turn(speed, self.tick)
+            shaft.drive(self.output)
         else:
-            speed = min(self._speed, self.top_speed)  # L-34
-            for _ in range(ticks):
-                self.shaft.move_towards(self._target, speed, self.tick)
-                if not self.shaft.velocity:
-                    break
+            shaft.drive(self._follow(self._target))
+        self._last = shaft.position
+        shaft.tick()
+        self._watch()
+        changing = before != (shaft.duty, self._total, self._point) or shaft.position != self._last
+        waiting = self._stuck and Alarm.LOCKED_ROTOR not in self._faults
+        recovering = Alarm.OVER_VOLTAGE in self._faults and self._good
+        self._calm = None if changing or waiting or recovering else self._scene()
+
+    def _follow(self, target: float) -> float:
+        """Move the set point towards the goal, and give the output that takes the shaft along."""
+        position, now = self.shaft.position, self._point
+        self._point = set_point(now, target, self._speed, self.tick)
+        wanted, measured = (self._point - now) / self.tick, (position - self._last) / self.tick
+        output, self._total = hold(self.gains, now - position, wanted, measured, self._total, self.tick)
+        return output
 
     @property
     def torque(self) -> bool:
-        return self.get("torque_enable") == 1 and not self._faults
+        return self.get("torque_enable") == 1 and not self._faults & ~Alarm.LOCKED_ROTOR
 
     @property
     def turning(self) -> bool:
@@ -292,20 +373,28 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         wanted: float = self.row("goal_position").decode(goal + self.get("angle_offset"))
         distance = wanted - self._angle
         self._target = self.shaft.position + distance
-        self._speed = abs(distance) / (time * MILLISECOND) if time else math.inf  # L-32
+        if time:
+            self._point = self.shaft.position  # L-30
+            self._speed = abs(distance) / (time * MILLISECOND)
+        else:
+            self._point = self._target  # L-32
 
     def _stop(self) -> None:
         """End a move where the shaft is (L-28), and forget one that has not begun."""
         self._late = None
-        if self._target is not None:
-            self._target = self.shaft.position
+        if self._target is None:
+            return
+        here = self.shaft.position
+        if self._target != self._point or abs(self._target - here) > UNIT:  # L-29: a servo at its goal stays there
+            self._target = self._point = here
 
     def _hold(self) -> None:
         """Let go of the shaft when the torque goes off; take hold of it where it is when it comes on (L-70)."""
         if not self.torque or self.turning:
             self._target = None
         elif self._target is None:
-            self._target = self.shaft.position
+            self._target = self._point = self._last = self.shaft.position
+            self._total = 0.0
             if self._late is not None:  # L-69
                 late, self._late = self._late, None
                 self._move(*late)
