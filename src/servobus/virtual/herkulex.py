@@ -7,7 +7,8 @@ Positions are counted in steps, 15 bits, from 0 to 32767 (NO 53 to 59; other dri
 EH-35). A shaft that turns past either end comes in again at the other. What the servo calls its position
 can be set anew (Aux 1), so plans are kept in radians of the shaft and become steps when they are read.
 
-The motor is not modelled: the shaft follows the profile exactly, and PWM reads 0.
+A loop of control measures, checks what may be wrong, moves the plan on and sets the bridge until the next loop. So
+a JOG counts from the loop before it was heard. The laws of control are in servobus.virtual.control.herkulex.
 """
 
 import math
@@ -44,14 +45,17 @@ from servobus.protocols.herkulex import (
 from servobus.protocols.ids import BROADCAST
 from servobus.registers import Access, Eep, EepRam, Ram
 from servobus.units import deg
+from servobus.virtual.control.herkulex import FULL, MEASURED, PositionControl, SpeedControl, Speedometer, Stages, Watch
 from servobus.virtual.memory import EEP, RAM
 from servobus.virtual.profile import Course, Profile, Ramp, StepCounter, StopDetection, ramp_time
 from servobus.virtual.servo import Replies, VirtualServo
 
 CLOCK = 2_000_000
 """bit/s = CLOCK / (code + 1): fits all codes of NO 5. 0x10 is really 117647, 0x22 really 57143 (within the 3 %)."""
-LOOPS = 14
-"""Control loops in one unit of 11.2 ms. Assumption: 0.8 ms is what 11.2 ms and 4 ms (NO 37) have in common."""
+LOOPS = 4
+"""Control loops in one unit of 11.2 ms; assumption: a loop of 2.8 ms is fast enough for the factory gains."""
+WARMING = 36
+"""Loops in which a standing shaft is left alone while it gets warmer or colder: 0.1 s."""
 DELAY = 0.5e-3
 """s until an answer starts; assumption: users report 2 to 3 ms for a request and its ACK at 115200 baud."""
 BOOT = 0.25
@@ -64,6 +68,7 @@ WINDOW = 160 * deg
 """How far from the middle the potentiometer reaches: 320 degrees in all (2-2; which, is assumption EH-37)."""
 SET_TO = {Aux.RAW_0: 0, Aux.MINUS_180: 9903, Aux.CENTRE: 16384, Aux.PLUS_180: 22865, Aux.RAW_32767: 32767}
 """What the choices of Aux 1 set Absolute Position to (NO 45)."""
+WATCHED = StatusError.INPUT_VOLTAGE, StatusError.TEMPERATURE, StatusError.OVERLOAD
 CAUSES = StatusDetail(0x3C)
 """Bits of Status Detail that stay until they are cleared; the others show what is (4-2 NO 44)."""
 
@@ -74,6 +79,9 @@ class HerkulexServo(VirtualServo, family=Herkulex):
     - A new profile starts where the present one is, even if the shaft is late; out of infinite turn, where
       the shaft is.
     - Without torque the goal stays, and the trajectory is where the shaft is, for there it will start (H-51).
+    - The moving flag is up from the JOG on, and then tells what is measured: a shaft that is held has stopped.
+    - Overload is a matter of the output alone (NO 23), so speed that cannot be reached is one too.
+    - Torque that goes off leaves the shaft to its own momentum.
     - Inposition is told only while the position is controlled: the ACKs of 6-1, 6-8 and 6-9 print 00 00.
     - Disable VOR in infinite turn ramps the speed up from 0; the stop flag there stops without a ramp.
     """
@@ -94,24 +102,28 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         self._loops = 0
         self._goal = self.shaft.position
         self._course = Course(self.tick, Profile(self._goal, self._goal))
-        self._stop = StopDetection(self.shaft.position)
-        self._wrong_for = {StatusError.INPUT_VOLTAGE: 0, StatusError.TEMPERATURE: 0}
+        self._per_step = 1 / self._counter.step
+        self._speed_unit = self.row("differential_position").scale.decode(1)
+        count = round(self.shaft.position * self._per_step)
+        self._stop = StopDetection(count)
+        self._meter = Speedometer(self.tick, count)
+        self._position, self._turning = PositionControl(self.tick), SpeedControl(self.tick)
+        self._watches = {error: Watch() for error in WATCHED}
         self._driven = False
+        self._pwm = 0
         self.baud = CLOCK / (self.get("baud_rate") + 1)  # EEP only: a new one waits for this moment (H-37)
         self._settle()
 
     @property
     def home(self) -> float:
-        """The middle of the range: raw 16384."""
-        return 0.0
+        return 0.0  # raw 16384, the middle of the range
 
     def garbage(self, now: float) -> None:  # noqa: ARG002 - the timer of the line is the servo's
         self._fault(StatusError.INVALID_PACKET, StatusDetail.GARBAGE)
 
     @property
     def torque(self) -> bool:
-        # A braked shaft is held as well (H-48).
-        return self.get("torque_control") != TorqueControl.FREE
+        return self.get("torque_control") != TorqueControl.FREE  # a braked shaft is held as well (H-48)
 
     @property
     def led(self) -> str:
@@ -227,9 +239,23 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         """Do what follows from the values of RAM."""
         self.id = self.get("id")
         self.garbage_timeout = self._value("packet_garbage_check_period")
-        self._fault_loops = self.get("adc_fault_check_period") * LOOPS
+        volts, celsius, overload = self._watches.values()
+        volts.limit = celsius.limit = self.get("adc_fault_check_period") * LOOPS
+        period = self._value("overload_detection_period")
+        overload.limit = int(period / self.tick + 1e-6)
+        # Without a period there is no output that would be too high (H-64).
+        self._too_high = self.get("overload_pwm_threshold") if period else FULL
+        self._limits = tuple(  # what still reads as allowed
+            self.row(name).scale.decode(1) * (self.get(name) + half)
+            for name, half in (("min_voltage", -0.5), ("max_voltage", 0.5), ("max_temperature", 0.5))
+        )
         self._stop.loops = self.get("stop_detection_period") * LOOPS
-        self._stop.threshold = self.get("stop_threshold") * self._counter.step - 1e-9
+        self._stop.threshold = self.get("stop_threshold")
+        forward = (self.get(f"position_feedforward_{name}_gain") for name in ("1st", "2nd"))
+        self._position.tune(*(self.get(f"position_k{name}") for name in "pdi"), *forward)
+        self._turning.tune(self.get("velocity_kp"), self.get("velocity_ki"))
+        names = "dead_zone", "pwm_offset", "min_pwm", "max_pwm", "saturator_offset", "saturator_slope"
+        self._stages = Stages(*(self.get(name) for name in names))
         self.put("status_error", self.get("status_error") & ~StatusError.DRIVER_FAULT)  # H-59
         choice = Aux(self.get("aux_1"))
         if choice is not Aux.NOTHING:
@@ -241,25 +267,22 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         """Bring the registers that are measured up to date."""
         here, course = self.shaft.position, self._course
         trajectory = course.position if self._driven and course.position is not None else here
-        speed = course.speed if self._driven else 0.0
         absolute, goal = self._counter.read(here), self._counter.read(self._goal)
-        self._wrong()
+        self._measured("voltage", self.voltage)
+        self._measured("temperature", self.temperature)
         self.put("tick", self._loops // LOOPS & 0xFF)
         self.put("absolute_position", absolute)
         self.put("calibrated_position", (absolute - self.get("calibration_difference")) % STEPS)
-        self._measured("differential_position", self.shaft.velocity)
+        self._measured("differential_position", self._meter.way * self._counter.step / MEASURED)
+        self.put("pwm", self._pwm)
         self._measured("absolute_2nd_position", self._potentiometer)
         self.put("absolute_goal_position", goal)
         self.put("absolute_desired_trajectory_position", self._counter.read(trajectory))
-        self._measured("desired_velocity", speed)
-        detail = StatusDetail(self.get("status_detail")) & CAUSES
-        if self._stop.moving:
-            detail |= StatusDetail.MOVING
-        if self._driven:
-            detail |= StatusDetail.TORQUE_ON
-            if course.position is not None and abs(goal - absolute) < self.get("inposition_margin"):
-                detail |= StatusDetail.INPOSITION
-        self.put("status_detail", detail)
+        self._measured("desired_velocity", course.speed if self._driven else 0.0)
+        state = self._stop.moving * StatusDetail.MOVING | self._driven * StatusDetail.TORQUE_ON
+        if self._driven and course.position is not None and abs(goal - absolute) < self.get("inposition_margin"):
+            state |= StatusDetail.INPOSITION
+        self.put("status_detail", self.get("status_detail") & CAUSES | state)
 
     def _fault(self, error: StatusError, cause: int = 0) -> None:
         """Note an error; it stays until a host clears it (H-19)."""
@@ -274,12 +297,14 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         self.put("torque_control", state)
         driven = state == TorqueControl.ON
         if driven and not self._driven:
+            self.shaft.brake()  # until the next loop
             if self.get("current_control_mode") == ControlMode.POSITION:
                 self._hold()
             else:
                 self._begin(Ramp())  # assumption: it waits for a JOG that says how fast
         if not driven:
-            self.shaft.rest()
+            self._pwm = 0
+            (self.shaft.brake if state == TorqueControl.BRAKE else self.shaft.release)()
         self._driven = driven
 
     def _value(self, name: str) -> float:
@@ -306,6 +331,9 @@ class HerkulexServo(VirtualServo, family=Herkulex):
     # What is to be done: plans
 
     def _begin(self, plan: Profile | Ramp) -> None:
+        if not self._driven or type(plan) is not type(self._course.plan):
+            self._position.reset()
+            self._turning.reset()
         self._course.begin(plan)
         if self._course.moving:
             self._stop.start()
@@ -327,7 +355,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
                 (self._go if jog.mode is ControlMode.POSITION else self._turn)(jog, playtime * TICK)
 
     def _go(self, jog: Jog, duration: float) -> None:
-        start, speed = self._course.position, 0.0 if jog.no_override else self._course.speed
+        start, speed = self._course.position, 0.0 if jog.no_override else self._speed
         if start is None or jog.stop:
             self._hold()
             start = self.shaft.position
@@ -345,9 +373,14 @@ class HerkulexServo(VirtualServo, family=Herkulex):
 
     def _turn(self, jog: Jog, duration: float) -> None:
         """Change the speed; the playtime sets how long that takes (assumption EH-40)."""
-        before = 0.0 if jog.no_override else self._course.speed
+        before = 0.0 if jog.no_override else self._speed
         after: float = self.row("differential_position").decode(jog.value)  # same unit as in 6-5
         self._begin(Ramp() if jog.stop else Ramp(before, after, self._ramp_time(duration)))
+
+    @property
+    def _speed(self) -> float:
+        """Speed of the plan, as far as the supply allows it."""
+        return max(-self.top_speed, min(self._course.speed, self.top_speed))
 
     def _ramp_time(self, duration: float) -> float:
         return ramp_time(duration, self._value("acceleration_ratio"), self._value("max_acceleration_time"))
@@ -355,46 +388,77 @@ class HerkulexServo(VirtualServo, family=Herkulex):
     # The control loop
 
     def control(self, ticks: int) -> None:
-        self._loops += ticks
-        wrong = self._wrong()
-        for _ in range(ticks):
-            self._check(wrong)
-            self._course.step()
-            self._follow()
-            self._stop.step(self.shaft.position, planned=self._driven and self._course.moving)
-            if self._settled():
-                break
+        ticks -= self._loop()  # by itself, as surroundings may have changed
+        while ticks > 0:
+            ticks -= self._wait(ticks) if self._quiet else self._loop()
 
-    def _wrong(self) -> StatusError:
-        """Measure supply and temperature; tell what is wrong with them (NO 12 to 14)."""
-        self._measured("voltage", self.voltage)
-        self._measured("temperature", self.temperature)
-        wrong = StatusError(0)
-        if not self.get("min_voltage") <= self.get("voltage") <= self.get("max_voltage"):
-            wrong |= StatusError.INPUT_VOLTAGE
-        if self.get("temperature") > self.get("max_temperature"):
-            wrong |= StatusError.TEMPERATURE
-        return wrong
+    def _loop(self) -> int:
+        shaft = self.shaft
+        shaft.tick()
+        self._loops += 1
+        position = shaft.state.output
+        count = round(position * self._per_step)
+        self._meter.step(count)
+        self._check()
+        self._stop.step(count, planned=False)
+        course = self._course
+        course.step()
+        if self._driven:
+            setpoint = course.position
+            if setpoint is None:
+                wanted = self._turning.output(course.speed / self._speed_unit - self._speed_seen)
+                self._pwm = self._stages.speed(wanted)
+            else:
+                error = round((setpoint - position) * self._per_step)
+                wanted = self._position.output(error, course.speed / self._speed_unit)
+                self._pwm = self._stages.position(wanted, error)
+            shaft.drive(self._pwm / FULL)
+        return 1
 
-    def _check(self, wrong: StatusError) -> None:
-        """Report what has been wrong for longer than ADC Fault Check Period."""
-        for fault, loops in self._wrong_for.items():
-            self._wrong_for[fault] = min(loops, self._fault_loops) + 1 if wrong & fault else 0
-            if self._wrong_for[fault] > self._fault_loops and not self.get("status_error") & fault:
-                self._fault(fault)
+    @property
+    def _speed_seen(self) -> float:
+        """Speed in the unit of JOGs."""
+        return self._meter.way * self._counter.step / (MEASURED * self._speed_unit)
 
-    def _follow(self) -> None:
-        """Let the shaft follow the plan, as fast as the supply lets it."""
-        setpoint = self._course.position
+    def _check(self) -> None:
+        """Report what has been wrong for too long (NO 12 to 14, 23)."""
+        volts, celsius, overload = self._watches.values()
+        lowest, highest, hottest = self._limits
+        if volts.step(not lowest <= self.shaft.rail.voltage < highest):
+            self._report(StatusError.INPUT_VOLTAGE)
+        if celsius.step(self.shaft.state.case >= hottest):
+            self._report(StatusError.TEMPERATURE)
+        if overload.step(abs(self._pwm) > self._too_high):
+            self._report(StatusError.OVERLOAD)
+
+    def _report(self, error: StatusError) -> None:
+        if not self.get("status_error") & error:
+            self._fault(error)
+
+    @property
+    def _quiet(self) -> bool:
+        """Whether more of the same would change nothing but temperatures."""
+        if not self.shaft.at_rest or self._stop.moving or not self._meter.steady:
+            return False
+        if any(watch.waiting for watch in self._watches.values()):
+            return False
         if not self._driven:
-            self.shaft.rest()
-        elif setpoint is not None:
-            self.shaft.move_towards(setpoint, self.top_speed, self.tick)
-        else:
-            self.shaft.turn(max(-self.top_speed, min(self._course.speed, self.top_speed)), self.tick)
+            return True
+        setpoint = self._course.position
+        if not self._course.over:
+            return False
+        if setpoint is None:
+            return self._course.speed == 0
+        return self._position.steady(round((setpoint - self.shaft.position) * self._per_step))
 
-    def _settled(self) -> bool:
-        """Tell whether more of the same would change nothing."""
-        waiting = any(0 < loops <= self._fault_loops for loops in self._wrong_for.values())
-        arrived = not self._driven or (self._course.over and self._course.position in (None, self.shaft.position))
-        return arrived and not (waiting or self._stop.moving or self.shaft.velocity)
+    def _wait(self, ticks: int) -> int:
+        """Let up to this many quiet loops pass at once; tell how many."""
+        state = self.shaft.state
+        to_go = WARMING - self._loops % WARMING
+        warming = abs(state.winding - state.case) > 0.5 or abs(state.current) > 0.1
+        # Ending where temperatures are looked at anyway, it makes no difference how time is cut.
+        loops = ticks if ticks < to_go else to_go if warming else ticks - (ticks - to_go) % WARMING
+        self.shaft.tick(loops)
+        self._loops += loops
+        self._check()
+        return loops
