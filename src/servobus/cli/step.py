@@ -228,5 +228,5 @@ def _report(response: Response, title: str, *, json: bool) -> None:
         return
     click.echo(f"{title}: {show(response.start, 'rad')} to {show(response.goal, 'rad')}")
     for name, value, unit, meaning in rows:
-        text = "-" if math.isnan(value) else show(round(value, 4) if unit == "A" else value, unit)
+        text = "-" if math.isnan(value) else show(round(value, 4) if unit in ("A", "s") else value, unit)
         click.echo(f"  {name.replace('_', ' '):<14} {text:>10}   {meaning}")
