@@ -47,6 +47,10 @@ def draw(response: Response, title: str, path: Path) -> None:
         axis.plot(times, [value(sample) for sample in response.samples], color="tab:blue", linewidth=1)
         axis.set_ylabel(label)
         axis.grid(alpha=0.3)
+        axis.ticklabel_format(useOffset=False)
+        low, high = axis.get_ylim()
+        if high - low < 1:  # a hundredth of a degree is not to fill the picture
+            axis.set_ylim((low + high) / 2 - 0.5, (low + high) / 2 + 0.5)
     axes[-1][0].set_xlabel("s")
     figure.savefig(path)
 

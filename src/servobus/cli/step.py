@@ -199,7 +199,7 @@ def _set(servo: BusServo, settings: tuple[str, ...]) -> None:
     for text in settings:
         name, value = assignment(text, "REGISTER=VALUE, such as position_kp=200")
         register = servo.model.register(name)
-        if register.name in values:
+        if register in values:
             raise UsageError(f"{name} is set twice")
         values[register] = register.parse(value)
     servo.write_many(values)

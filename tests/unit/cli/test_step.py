@@ -1,0 +1,100 @@
+"""`step`: figures and a picture, virtual and on a port."""
+
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from unit.cli.conftest import Run
+
+Refused = Callable[..., str]
+has_matplotlib = pytest.mark.skipif(importlib.util.find_spec("matplotlib") is None, reason="matplotlib is an extra")
+
+
+@pytest.mark.parametrize(("model", "start"), [("rx28", 149.9), ("drs0602", 0.0), ("lx16a", 120.0)])
+def test_figures_of_a_virtual_servo(load: Callable[..., Any], model: str, start: float) -> None:
+    said = load("step", model)
+    assert said["start"]["value"] == pytest.approx(start, abs=0.1)
+    assert said["goal"]["value"] == pytest.approx(start + 45, abs=0.1)
+    # 36° at 360 to 480°/s without load, and some time to get there.
+    assert 0.07 < said["rise_time"]["value"] < 0.2
+    assert said["overshoot"]["value"] < 10
+    assert said["settling_time"]["value"] < 0.5
+    assert abs(said["steady_error"]["value"]) < 0.6
+    assert said["peak_current"]["value"] > 0.3
+
+
+def test_the_same_for_people(run: Run) -> None:
+    lines = run("step", "rx28", "--to", "90deg").stdout.splitlines()
+    assert lines[0] == "RX-28, virtual: 149.9° to 90.0°"
+    assert [line.split("  ")[1] for line in lines[1:]] == [
+        "rise time", "overshoot", "settling time", "steady error", "peak current",
+    ]  # fmt: skip
+
+
+def test_a_register_makes_a_difference(load: Callable[..., Any]) -> None:
+    # A quarter of the torque limit: a quarter of the torque and, for a motor, of the speed.
+    stiff, soft = load("step", "rx28"), load("step", "rx28", "--set", "torque_limit=25")
+    assert soft["rise_time"]["value"] > 2 * stiff["rise_time"]["value"]
+
+
+def test_voltage_and_load_make_a_difference(load: Callable[..., Any]) -> None:
+    strong, weak = load("step", "lx16a", "--voltage", "8.4"), load("step", "lx16a", "--voltage", "6.6")
+    assert weak["rise_time"]["value"] > 1.1 * strong["rise_time"]["value"]
+    heavy = load("step", "lx16a", "--voltage", "8.4", "--load", "inertia=0.05")
+    assert heavy["rise_time"]["value"] > 1.2 * strong["rise_time"]["value"]
+
+
+def test_where_it_starts_and_how_long_it_takes(load: Callable[..., Any]) -> None:
+    said = load("step", "rx28", "--start", "60", "--to", "120", "--time", "1")
+    assert said["start"]["value"] == pytest.approx(60, abs=0.3)
+    assert said["rise_time"]["value"] == pytest.approx(0.8, abs=0.1)
+
+
+@has_matplotlib
+@pytest.mark.parametrize(("name", "magic"), [("a.png", b"\x89PNG"), ("b.svg", b"<?xml")])
+def test_a_picture(run: Run, tmp_path: Path, name: str, magic: bytes) -> None:
+    file = tmp_path / name
+    assert f"drawn: {file}" in run("step", "drs0602", "--time", "0.5", "--plot", str(file)).stderr
+    assert file.read_bytes().startswith(magic)
+
+
+def test_on_a_port_within_limits(load: Callable[..., Any]) -> None:
+    port = "virtual:rx28@1?clock=real"
+    said = load("step", port, "1", "--to", "170", "--limits", "100", "200", "--seconds", "0.6")
+    assert said["goal"]["value"] == pytest.approx(170, abs=0.1)
+    assert abs(said["steady_error"]["value"]) < 1
+    assert said["peak_current"]["value"] is None
+
+
+def test_limits_are_asked_for(run: Run) -> None:
+    port = "virtual:rx28@1?clock=real"
+    result = run("step", port, "1", "--to", "170", code=1, input="100\n160\n")
+    assert "leaves 100.0° .. 160.0°" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("args", "why"),
+    [
+        (("rx29",), "no model 'rx29'; did you mean rx28?"),
+        (("rx28", "--to", "400"), "outside"),
+        (("rx28", "--to", "nan"), "not a number"),
+        (("rx28", "--set", "punsh=1"), "did you mean punch"),
+        (("rx28", "--set", "punch=200"), "punch"),
+        (("rx28", "--set", "led=1", "--set", "led=0"), "set twice"),
+        (("rx28", "--motor", "huge"), "no motor data 'huge'"),
+        (("rx28", "--seconds", "0"), "--seconds 0"),
+        (("rx28", "--plot", "step.doc"), "a picture is one of png, svg, pdf"),
+        (("rx28", "--plot", "no/such/folder/step.png"), "there is no folder"),
+        (("virtual:rx28@1", "254"), "broadcast"),
+    ],
+)
+def test_what_cannot_be_is_refused(refused: Refused, args: tuple[str, ...], why: str) -> None:
+    assert why in refused("step", *args)
+
+
+def test_a_port_needs_an_id(run: Run) -> None:
+    result = run("step", "/dev/ttyUSB0", code=2)
+    assert "name the id of a servo too" in result.stderr
