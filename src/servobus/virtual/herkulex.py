@@ -103,13 +103,14 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         self._goal = self.shaft.position
         self._course = Course(self.tick, Profile(self._goal, self._goal))
         self._per_step = 1 / self._counter.step
+        self._slowest = self._counter.step / MEASURED  # rad/s
         self._speed_unit = self.row("differential_position").scale.decode(1)
         count = round(self.shaft.position * self._per_step)
         self._stop = StopDetection(count)
         self._meter = Speedometer(self.tick, count)
         self._position, self._turning = PositionControl(self.tick), SpeedControl(self.tick)
         self._watches = {error: Watch() for error in WATCHED}
-        self._driven = False
+        self._driven = self._alert = False
         self._pwm = 0
         self.baud = CLOCK / (self.get("baud_rate") + 1)  # EEP only: a new one waits for this moment (H-37)
         self._settle()
@@ -273,7 +274,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         self.put("tick", self._loops // LOOPS & 0xFF)
         self.put("absolute_position", absolute)
         self.put("calibrated_position", (absolute - self.get("calibration_difference")) % STEPS)
-        self._measured("differential_position", self._meter.way * self._counter.step / MEASURED)
+        self._measured("differential_position", self._meter.way * self._slowest)
         self.put("pwm", self._pwm)
         self._measured("absolute_2nd_position", self._potentiometer)
         self.put("absolute_goal_position", goal)
@@ -335,7 +336,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
             self._position.reset()
             self._turning.reset()
         self._course.begin(plan)
-        if self._course.moving:
+        if self._course.moving or (isinstance(plan, Profile) and plan.start != plan.goal):
             self._stop.start()
 
     def _hold(self) -> None:
@@ -406,41 +407,33 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         if self._driven:
             setpoint = course.position
             if setpoint is None:
-                wanted = self._turning.output(course.speed / self._speed_unit - self._speed_seen)
-                self._pwm = self._stages.speed(wanted)
+                error = (course.speed - self._meter.way * self._slowest) / self._speed_unit
+                self._pwm = self._stages.speed(self._turning.output(error))
             else:
                 error = round((setpoint - position) * self._per_step)
-                wanted = self._position.output(error, course.speed / self._speed_unit)
-                self._pwm = self._stages.position(wanted, error)
+                speed = course.speed / self._speed_unit if self._position.forward else 0.0
+                self._pwm = self._stages.position(self._position.output(error, speed), error)
             shaft.drive(self._pwm / FULL)
         return 1
 
-    @property
-    def _speed_seen(self) -> float:
-        """Speed in the unit of JOGs."""
-        return self._meter.way * self._counter.step / (MEASURED * self._speed_unit)
-
     def _check(self) -> None:
         """Report what has been wrong for too long (NO 12 to 14, 23)."""
-        volts, celsius, overload = self._watches.values()
         lowest, highest, hottest = self._limits
-        if volts.step(not lowest <= self.shaft.rail.voltage < highest):
-            self._report(StatusError.INPUT_VOLTAGE)
-        if celsius.step(self.shaft.state.case >= hottest):
-            self._report(StatusError.TEMPERATURE)
-        if overload.step(abs(self._pwm) > self._too_high):
-            self._report(StatusError.OVERLOAD)
-
-    def _report(self, error: StatusError) -> None:
-        if not self.get("status_error") & error:
-            self._fault(error)
+        volts = not lowest <= self.shaft.rail.voltage < highest
+        celsius = self.shaft.state.case >= hottest
+        overload = abs(self._pwm) > self._too_high
+        if volts or celsius or overload or self._alert:
+            self._alert = volts or celsius or overload
+            for wrong, (error, watch) in zip((volts, celsius, overload), self._watches.items(), strict=True):
+                if watch.step(wrong) and not self.get("status_error") & error:
+                    self._fault(error)
 
     @property
     def _quiet(self) -> bool:
         """Whether more of the same would change nothing but temperatures."""
         if not self.shaft.at_rest or self._stop.moving or not self._meter.steady:
             return False
-        if any(watch.waiting for watch in self._watches.values()):
+        if self._alert and any(watch.waiting for watch in self._watches.values()):
             return False
         if not self._driven:
             return True

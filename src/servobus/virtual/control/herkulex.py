@@ -22,7 +22,6 @@ the factory gains of older models (440 and 8000 in 6-1) hint at, is assumed:
 
 from collections import deque
 from dataclasses import dataclass
-from math import copysign
 
 FULL = 1023
 """pwm; NO 64 and NO 22: the output is never more."""
@@ -40,7 +39,7 @@ the output, so what cannot be reached is made up for later, as 6-5 warns (H-88).
 class PositionControl:
     """PID on the position error, with feed-forwards of the profile (NO 26 to 30)."""
 
-    __slots__ = ("_acceleration", "_before", "_d", "_i", "_p", "_speed", "_speed_before", "_sum", "_tick")
+    __slots__ = ("_acceleration", "_before", "_d", "_i", "_p", "_speed", "_speed_before", "_sum", "_tick", "forward")
 
     def __init__(self, tick: float) -> None:
         """Prepare for one call of `output` every `tick` seconds."""
@@ -54,6 +53,8 @@ class PositionControl:
         self._d = kd / 8 * CHANGE / self._tick
         self._i = ki / 16384 * self._tick / UNIT
         self._speed, self._acceleration = speed / 64, acceleration / 64 * UNIT / self._tick
+        self.forward = bool(speed or acceleration)
+        """Whether the speed of the profile matters."""
 
     def reset(self) -> None:
         """Forget the past."""
@@ -73,9 +74,9 @@ class PositionControl:
         if self._i:
             self._sum = max(-FULL, min(self._sum + self._i * error, FULL))
             wanted += self._sum
-        if self._speed or self._acceleration:
+        if self.forward:
             wanted += self._speed * speed + self._acceleration * (speed - self._speed_before)
-        self._speed_before = speed
+            self._speed_before = speed
         return wanted
 
     def steady(self, error: float) -> bool:
@@ -128,19 +129,23 @@ class Stages:
         distance = abs(error)
         if distance < self.dead_zone:
             return 0
-        size, sign = self._raised(wanted + self.offset)
+        wanted += self.offset
+        size = self._raised(wanted)
         if self.saturator_slope:
             size = min(size, self.saturator_offset + self.saturator_slope / 256 * distance)
-        return int(copysign(min(size, self.highest), sign))
+        return self._cut(size, wanted)
 
     def speed(self, wanted: float) -> int:
         """Give the output for what the speed controller wants: neither offset nor saturator (NO 18 to 20)."""
-        size, sign = self._raised(wanted)
-        return int(copysign(min(size, self.highest), sign))
+        return self._cut(self._raised(wanted), wanted)
 
-    def _raised(self, wanted: float) -> tuple[float, float]:
+    def _raised(self, wanted: float) -> float:
         size = abs(wanted)
-        return (max(size, self.lowest) if size else size), wanted
+        return size if size >= self.lowest or not size else self.lowest
+
+    def _cut(self, size: float, sign: float) -> int:
+        size = int(size) if size < self.highest else self.highest
+        return size if sign > 0 else -size
 
 
 class Speedometer:
