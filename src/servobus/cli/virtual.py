@@ -11,10 +11,22 @@ import click
 
 from servobus.cli.options import BAUD, UnitType, verb
 from servobus.cli.output import note
+from servobus.cli.show import Show
+from servobus.cli.virtual_console import VirtualConsole, listen
 from servobus.errors import BadValue
 from servobus.virtual.drawer import open_drawer
+from servobus.virtual.motor import NOTHING, Load
 from servobus.virtual.ports import serve_pty, serve_tcp
-from servobus.virtual.spec import Setup, parse_specs
+from servobus.virtual.spec import Setup, parse_load, parse_specs
+
+
+class LoadType(click.ParamType[Load]):
+    """What hangs on a shaft, as people type it."""
+
+    name = "load"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Load:  # noqa: ARG002
+        return value if isinstance(value, Load) else parse_load(str(value))
 
 
 @verb(
@@ -22,6 +34,7 @@ from servobus.virtual.spec import Setup, parse_specs
     "servobus virtual rx28@1-4,7",
     "servobus virtual lx16a@1,2 --pty /tmp/arm --state arm.json",
     "servobus virtual drs0602@219 --tcp 127.0.0.1:3333",
+    "servobus virtual rx28@1-4 --supply-resistance 0.5 --load mass=0.2,length=0.1 --show",
     "",
     "and then, in another terminal:",
     "servobus scan /tmp/arm",
@@ -33,6 +46,22 @@ from servobus.virtual.spec import Setup, parse_specs
 @click.option("--state", metavar="FILE", help="Keep the EEPROM contents in FILE, so that they remember.")
 @click.option("--echo", is_flag=True, help="Give back what is sent, as some adapters do.")
 @click.option("--voltage", type=UnitType("volts", "V"), metavar="V", help="Supply; else the model's nominal voltage.")
+@click.option(
+    "--supply-resistance",
+    type=UnitType("ohm", "ohm"),
+    metavar="OHM",
+    help="Let the servos of a wire share their supply through so much; else nothing pulls it down.",
+)
+@click.option("--motor", metavar="NAME", help="Set of motor data, such as manual or measured; else the model's first.")
+@click.option(
+    "--load",
+    type=LoadType(),
+    metavar="LOAD",
+    default=NOTHING,
+    show_default=False,
+    help="What hangs on every shaft: mass=KG,length=M for an arm, inertia=KGM2, torque=NM, blocked.",
+)
+@click.option("--show", is_flag=True, help="Show every servo in a live table. Needs a terminal.")
 def virtual(
     specs: tuple[str, ...],
     pty: str | None,
@@ -41,12 +70,21 @@ def virtual(
     state: str | None,
     echo: bool,
     voltage: float | None,
+    supply_resistance: float | None,
+    motor: str | None,
+    load: Load,
+    show: bool,
 ) -> None:
     """Be servos on a pseudo terminal, which any program opens like a serial port, until interrupted.
 
     SPEC is MODEL@IDS, such as rx28@1-4,7; `servobus models` lists the models. Servos of several families get
     a wire each, behind one port. Prints `ready PATH` once they answer. Ctrl-C switches them off.
+
+    Lines typed meanwhile change what surrounds the servos: `load 1 torque=0.5`, `block 1`, `voltage 11`; `help`
+    lists them.
     """
+    if show and not sys.stderr.isatty():
+        raise click.UsageError("--show needs a terminal")
     if pty and tcp:
         raise click.UsageError("say either --pty or --tcp")
     if isinstance(baud, str):
@@ -57,14 +95,30 @@ def virtual(
         baud=baud,
         voltage=voltage,
         state=Path(state) if state else None,
+        motor=motor,
+        supply_resistance=supply_resistance,
+        load=load,
     )
     address = _address(tcp) if tcp else None
     stop = _stop_on_signals()
     drawer = open_drawer(setup)
-    if address:
-        serve_tcp(drawer, *address, stop, _ready)
-    else:
-        serve_pty(drawer, Path(pty) if pty else None, stop, _ready)
+    shown = Show(drawer, stop) if show else None
+
+    def ready(name: str) -> None:
+        _ready(name)
+        if shown:
+            shown.start(name)
+        listen(VirtualConsole(drawer, shown.say if shown else note), stop)
+
+    try:
+        if address:
+            serve_tcp(drawer, *address, stop, ready)
+        else:
+            serve_pty(drawer, Path(pty) if pty else None, stop, ready)
+    finally:
+        stop.set()
+        if shown:
+            shown.join()
     if sys.stderr.isatty():
         note("")  # the terminal shows ^C
 

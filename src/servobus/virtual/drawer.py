@@ -4,10 +4,13 @@ Real servos of two families cannot share a wire. In a drawer each family has its
 goes to all of them, and what they answer comes back in the order of time.
 """
 
-from collections.abc import Sequence
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
 
 from servobus.errors import UsageError
 from servobus.virtual.line import VirtualLine
+from servobus.virtual.motion import Rail
 from servobus.virtual.servo import ROOM_TEMPERATURE, VirtualServo, virtual_servo
 from servobus.virtual.spec import Setup
 from servobus.virtual.state import StateFile
@@ -20,6 +23,7 @@ class Drawer:
         if not lines:
             raise UsageError("a drawer needs at least one line")
         self.lines = list(lines)
+        self._tasks: deque[Callable[[float], None]] = deque()
 
     @property
     def servos(self) -> list[VirtualServo]:
@@ -39,6 +43,13 @@ class Drawer:
         for line in self.lines:
             line.client_baud = baud
 
+    def post(self, task: Callable[[float], None]) -> None:
+        """Have something done between two events, with the time as its argument; from any thread.
+
+        It is done by whoever receives next. One task at a time: a long job should post what is left of it.
+        """
+        self._tasks.append(task)
+
     def send(self, data: bytes, now: float) -> None:
         """Let the client begin to send, behind what it is still sending."""
         for line in self.lines:
@@ -46,6 +57,8 @@ class Drawer:
 
     def receive(self, now: float) -> bytes:
         """Give what the client has received whole by now and not been given yet."""
+        if self._tasks:
+            self._tasks.popleft()(now)
         if len(self.lines) == 1:
             return self.lines[0].receive(now)
         timed = []
@@ -66,6 +79,8 @@ class Drawer:
 
     def next_look(self, grain: float) -> float | None:
         """Give the time to look again: of the next event, or up to `grain` s later if that brings a longer piece."""
+        if self._tasks:
+            return -math.inf
         event, arrival = self.next_event(), self.next_arrival()
         if event is None or arrival is None:
             return event
@@ -83,7 +98,7 @@ def open_drawer(setup: Setup) -> Drawer:
     """Make the servos that a setup names, at time 0. Raises UsageError."""
     temperature = ROOM_TEMPERATURE if setup.temperature is None else setup.temperature
     servos = [
-        virtual_servo(model, id, voltage=setup.voltage, temperature=temperature)
+        virtual_servo(model, id, voltage=setup.voltage, temperature=temperature, motor_set=setup.motor)
         for model, ids in setup.servos
         for id in ids
     ]
@@ -91,7 +106,15 @@ def open_drawer(setup: Setup) -> Drawer:
         StateFile(setup.state, servos)
     families: dict[str, list[VirtualServo]] = {}
     for servo in servos:
+        servo.shaft.load = setup.load
         if setup.baud is not None:
             servo.store_baud(setup.baud)
         families.setdefault(servo.model.family.name, []).append(servo)
-    return Drawer([VirtualLine(members, echo=setup.echo) for members in families.values()])
+    return Drawer([VirtualLine(line, echo=setup.echo, supply=_supply(setup, line)) for line in families.values()])
+
+
+def _supply(setup: Setup, servos: Sequence[VirtualServo]) -> Rail | None:
+    """Give the supply that the servos of a line share: the first one's, behind a resistance."""
+    if setup.supply_resistance is None:
+        return None
+    return Rail(servos[0].shaft.rail.source, setup.supply_resistance)

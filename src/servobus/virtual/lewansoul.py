@@ -337,6 +337,11 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         return self.get("torque_enable") == 1 and not self._faults & ~Alarm.LOCKED_ROTOR
 
     @property
+    def alarms(self) -> Alarm:
+        """What is wrong, whether the light tells it or not."""
+        return self._faults
+
+    @property
     def turning(self) -> bool:
         """Whether it is in motor mode."""
         return self.get("mode") == Mode.MOTOR

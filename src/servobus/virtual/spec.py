@@ -3,10 +3,12 @@
 rx28@1                       one RX-28 with id 1
 rx28@1-4,7,lx16a@2           five RX-28 and an LX-16A
 virtual:rx28@1?voltage=12    a port of this process, with options
+mass=0.2,length=0.1          a load: an arm of 10 cm with 200 g at its end
 """
 
+import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 from urllib.parse import parse_qsl
@@ -16,12 +18,24 @@ from servobus.errors import BadValue, UsageError
 from servobus.families.base import Model
 from servobus.protocols.ids import LAST_ID, check_id
 from servobus.units import Switch, parse
+from servobus.virtual.motor import NOTHING, Load
 
 Servos: TypeAlias = list[tuple[type[Model], list[int]]]
 """Models in the order they are named, each with its ids."""
 
 PREFIX = "virtual:"
 EXAMPLE = "rx28@1-4,7,lx16a@2"
+
+HIGHEST_VOLTAGE = 30.0
+"""V; no servo here is made for more than 18.5, and a slip of the point would burn it."""
+TEMPERATURES = -50.0, 200.0
+"""degC that a case may be set to."""
+HIGHEST_RESISTANCE = 1000.0
+"""ohm of a supply."""
+
+_LOAD_UNITS = {"inertia": "kgm2", "mass": "kg", "length": "m", "down": "rad", "tilt": "rad", "torque": "Nm"}
+_NEVER_NEGATIVE = "inertia", "mass", "length"
+LOAD_WORDS = "inertia, mass, length, torque, down, tilt, blocked, none"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +48,12 @@ class Setup:
     voltage      supply, V
     temperature  of the cases, degC
     state        file that keeps the EEPROM contents
+    motor        name of a set of motor data, see servobus.virtual.motors; the first of the model by default
+    supply_resistance
+                 ohm between the supply and all servos of a line, which then share it; None: it is not felt
+    load         what hangs on every shaft at the start
+
+    Raises BadValue for a supply or a temperature that makes no sense.
     """
 
     servos: Servos
@@ -43,6 +63,32 @@ class Setup:
     voltage: float | None = None
     temperature: float | None = None
     state: Path | None = None
+    motor: str | None = None
+    supply_resistance: float | None = None
+    load: Load = NOTHING
+
+    def __post_init__(self) -> None:
+        if self.voltage is not None:
+            check_voltage(self.voltage)
+        if self.temperature is not None:
+            check_temperature(self.temperature)
+        if self.supply_resistance is not None and not 0 <= self.supply_resistance <= HIGHEST_RESISTANCE:
+            raise BadValue(f"supply resistance {self.supply_resistance:g} ohm is not in 0 .. {HIGHEST_RESISTANCE:g}")
+
+
+def check_voltage(volts: float) -> float:
+    """Give back a supply in V. Raises BadValue unless it can be one."""
+    if not 0 <= volts <= HIGHEST_VOLTAGE:
+        raise BadValue(f"voltage {volts:g} V is not in 0 .. {HIGHEST_VOLTAGE:g}")
+    return volts
+
+
+def check_temperature(celsius: float) -> float:
+    """Give back a temperature in degC. Raises BadValue unless a case can have it."""
+    low, high = TEMPERATURES
+    if not low <= celsius <= high:
+        raise BadValue(f"temperature {celsius:g} °C is not in {low:g} .. {high:g}")
+    return celsius
 
 
 def parse_specs(text: str) -> Servos:
@@ -88,7 +134,50 @@ def _option(name: str, value: str) -> object:
             return parse(value, "degC")
         case "state" if value:
             return Path(value)
-    raise UsageError(f"{name}={value}: options are clock, echo, baud, voltage, temperature and state=FILE")
+        case "motor" if value:
+            return value
+        case "supply_resistance":
+            return parse(value, "ohm")
+        case "load":
+            return parse_load(value)
+    raise UsageError(
+        f"{name}={value}: options are clock, echo, baud, voltage, temperature, state=FILE, motor=NAME, "
+        "supply_resistance and load"
+    )
+
+
+def parse_load(text: str, base: Load = NOTHING) -> Load:
+    """Read "mass=0.2,length=0.1", "torque=-0.5 blocked" or "none": a load with these changes. Raises BadValue.
+
+    Numbers are in kg, m, kg·m² and N·m, angles in degrees. Instead of = there may be a colon, for URLs, and
+    instead of commas spaces.
+    """
+    load = base
+    for part in filter(None, re.split(r"[,\s]+", text)):
+        name, _, value = part.replace(":", "=").partition("=")
+        try:
+            load = NOTHING if part == "none" else replace(load, **{name: _load_value(name, value)})
+        except ValueError as error:
+            raise BadValue(f"load {part!r}: {error}") from None
+    return load
+
+
+def _load_value(name: str, value: str) -> float:
+    if name == "blocked":
+        return float(Switch().parse(value or "on"))
+    if name not in _LOAD_UNITS:
+        raise ValueError(f"a load has {LOAD_WORDS}")
+    number = parse(value, _LOAD_UNITS[name])
+    if not math.isfinite(number):
+        raise ValueError("this is no number to reckon with")
+    if number < 0 and name in _NEVER_NEGATIVE:
+        raise ValueError("it cannot be negative")
+    return number
+
+
+def parse_ids(text: str) -> list[int]:
+    """Read "1-4,7". Raises UsageError."""
+    return [id for part in text.replace(" ", "").split(",") for id in _ids(part, text)]
 
 
 def _ids(text: str, whole: str) -> range:

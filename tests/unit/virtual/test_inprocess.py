@@ -4,8 +4,10 @@ from pathlib import Path
 import pytest
 
 import servobus
-from servobus.errors import BadValue, PortError, UsageError
+from servobus.errors import BadValue, PortError, UnknownName, UsageError
 from servobus.virtual.inprocess import connect
+from servobus.virtual.motor import Load
+from servobus.virtual.motors import RX28_MEASURED
 
 PING = bytes.fromhex("FF FF 01 02 01 FB")
 PONG = bytes.fromhex("FF FF 01 02 00 FC")
@@ -118,3 +120,42 @@ def test_closed() -> None:
 def test_bus() -> None:
     with servobus.open("virtual:rx28@1-3?clock=virtual") as bus:
         assert [servo.id for servo in bus.scan(family="dynamixel")] == [1, 2, 3]
+
+
+def test_motor_and_load() -> None:
+    port = connect("virtual:rx28@1-2?clock=virtual&motor=measured&load=mass:0.2+length:0.1")
+    assert [servo.shaft.motor for servo in port.servos] == [RX28_MEASURED] * 2
+    assert [servo.shaft.load for servo in port.servos] == [Load(mass=0.2, length=0.1)] * 2
+    with pytest.raises(UnknownName, match="manual"):
+        connect("virtual:lx16a@1?motor=measured")
+
+
+def test_a_shared_supply_is_pulled_down_by_a_stalled_neighbour() -> None:
+    port = connect("virtual:lx16a@1-2,rx28@3?clock=virtual&supply_resistance=0.2&voltage=8.4&load=blocked")
+    pushing, quiet, elsewhere = port.servos
+    assert pushing.shaft.rail is quiet.shaft.rail is not elsewhere.shaft.rail
+    assert quiet.voltage == pytest.approx(8.4, abs=0.03)
+    before = elsewhere.voltage
+    for packet in ("55 55 01 04 1F 01 DA", "55 55 01 07 1D 01 00 E8 03 EE"):  # load, motor mode at full output
+        port.write(bytes.fromhex(packet))
+        port.sleep(0.01)
+    port.sleep(0.1)
+    assert quiet.voltage == pytest.approx(8.4 - 0.2 * (2 * 0.05 + 8.4 / (2.9 + 0.2)), abs=0.03)
+    assert port.servos[1].voltage == pushing.voltage
+    assert elsewhere.voltage == before
+    stiff = connect("virtual:lx16a@1-2?clock=virtual&voltage=8.4&load=blocked")
+    for packet in ("55 55 01 04 1F 01 DA", "55 55 01 07 1D 01 00 E8 03 EE"):
+        stiff.write(bytes.fromhex(packet))
+        stiff.sleep(0.01)
+    assert [servo.voltage for servo in stiff.servos] == [8.4, 8.4]
+
+
+def test_tasks_are_done_one_at_a_time_between_two_events() -> None:
+    port = connect("virtual:rx28@1?clock=virtual")
+    done: list[tuple[int, float]] = []
+    for number in range(3):
+        port.drawer.post(lambda now, number=number: done.append((number, now)))  # type: ignore[misc]
+    assert port.read(0) == b""
+    assert done == [(0, 0.0)]
+    assert port.read(1.0) == b""
+    assert done == [(0, 0.0), (1, 0.0), (2, 0.0)]

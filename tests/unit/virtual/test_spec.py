@@ -1,10 +1,12 @@
+import math
 from pathlib import Path
 
 import pytest
 
 from servobus.errors import BadValue, UnknownName, UsageError
 from servobus.models import LX16A, RX28
-from servobus.virtual.spec import Setup, parse_specs, parse_url
+from servobus.virtual.motor import Load
+from servobus.virtual.spec import Setup, parse_ids, parse_load, parse_specs, parse_url
 
 
 def test_models_with_ids_and_ranges() -> None:
@@ -45,3 +47,44 @@ def test_options() -> None:
 def test_options_that_make_no_sense(query: str) -> None:
     with pytest.raises(UsageError, match=query.partition("=")[0]):
         parse_url(f"virtual:rx28@1?{query}")
+
+
+def test_motor_supply_and_load() -> None:
+    setup = parse_url("virtual:rx28@1?motor=measured&supply_resistance=0.5&load=mass:0.2+length:0.1+blocked")
+    assert (setup.motor, setup.supply_resistance) == ("measured", 0.5)
+    assert setup.load == Load(mass=0.2, length=0.1, blocked=1.0)
+    assert parse_url("virtual:rx28@1?load=torque=-0.5,down=90").load == Load(torque=-0.5, down=math.pi / 2)
+    assert parse_url("virtual:rx28@1?supply_resistance=0ohm").supply_resistance == 0.0
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "voltage=300", "voltage=-1", "temperature=900", "supply_resistance=-1", "supply_resistance=wire",
+        "load=weight:1", "load=mass:-1", "load=mass", "load=blocked:maybe", "load=torque:1e999", "motor=",
+    ],
+)  # fmt: skip
+def test_surroundings_that_make_no_sense(query: str) -> None:
+    with pytest.raises(UsageError, match=query.partition("=")[0].split("_")[0]):
+        parse_url(f"virtual:rx28@1?{query}")
+
+
+@pytest.mark.parametrize("volts", [-0.1, 30.1, float("nan"), float("inf")])
+def test_no_supply_of_300_volts(volts: float) -> None:
+    with pytest.raises(BadValue, match="voltage"):
+        Setup([(RX28, [1])], voltage=volts)
+
+
+def test_loads_change_what_was_there() -> None:
+    arm = parse_load("mass=0.2kg, length=0.1m inertia=1e-3")
+    assert arm == Load(mass=0.2, length=0.1, inertia=0.001)
+    assert parse_load("blocked", arm) == Load(mass=0.2, length=0.1, inertia=0.001, blocked=1.0)
+    assert parse_load("blocked=off torque=1", parse_load("blocked")) == Load(torque=1.0)
+    assert parse_load("none", arm) == parse_load("") == Load()
+    assert parse_load("none torque=1", arm) == Load(torque=1.0)
+
+
+def test_ids() -> None:
+    assert parse_ids("1-3, 7") == [1, 2, 3, 7]
+    with pytest.raises(UsageError):
+        parse_ids("one")

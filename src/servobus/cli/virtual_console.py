@@ -1,0 +1,180 @@
+"""What people type while virtual servos are served: commands to what surrounds the servos.
+
+The lines come from standard input, in a thread of their own; what they ask for is done between two events of the
+bus. The end of the input is the end of the commands and of nothing else.
+"""
+
+import os
+import select
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Final
+
+from servobus.cli.output import note
+from servobus.errors import BadValue, ServobusError, UsageError
+from servobus.units import parse, show
+from servobus.virtual.drawer import Drawer
+from servobus.virtual.motor import NOTHING, Load
+from servobus.virtual.servo import VirtualServo
+from servobus.virtual.spec import check_temperature, check_voltage, parse_ids, parse_load, parse_specs
+
+HELP: Final = """\
+load WHO mass=0.2 length=0.1    hang an arm on a shaft; also inertia, torque, down, tilt, blocked; none takes it off
+block WHO                       hold a shaft as in a vice
+release WHO                     let it go
+turn WHO ANGLE                  turn a shaft by hand
+voltage V                       set the supply of all
+temperature WHO C               set a case, and what is around it
+WHO is an id, ids such as 1-4,7, a model with ids such as rx28@1, or all"""
+
+MANY = 3
+"""Servos up to which they are named one by one."""
+PATIENCE = 0.2
+"""s after which the reader notices that the servos are switched off."""
+
+
+class VirtualConsole:
+    """Takes lines and acts on a drawer that somebody serves; tells what it did, or what was wrong, by `say`."""
+
+    def __init__(self, drawer: Drawer, say: Callable[[str], None] = note) -> None:
+        self.drawer = drawer
+        self.say = say
+
+    def take(self, line: str) -> None:
+        """Have the words of a line done as soon as the line is free."""
+        words = line.split()
+        if words:
+            self.drawer.post(lambda now: self._do(words, now))
+
+    def _do(self, words: list[str], now: float) -> None:
+        try:
+            self.say(self._obey(words[0].lower(), words[1:], now))
+        except ServobusError as error:
+            self.say(f"{' '.join(words)}: {error}")
+
+    def _obey(self, verb: str, words: list[str], now: float) -> str:
+        match verb, words:
+            case "help" | "?", _:
+                return HELP
+            case "load", [who, *what]:
+                return self._load(self._find(who, now), " ".join(what))
+            case "block", [who]:
+                return self._load(self._find(who, now), "blocked")
+            case "release", [who]:
+                return self._load(self._find(who, now), "blocked=off")
+            case "turn", [who, angle]:
+                position = _number(angle, "rad")
+                for servo in (found := self._find(who, now)):
+                    servo.turn_shaft(position)
+                return f"{_names(found)}: at {show(position, 'rad')}"
+            case "voltage", [volts]:
+                supply = check_voltage(_number(volts, "V"))
+                for servo in (found := self._find("all", now)):
+                    servo.voltage = supply
+                return f"{_names(found)}: supply {show(supply, 'V')}"
+            case "temperature", [who, celsius]:
+                heat = check_temperature(_number(celsius, "degC"))
+                for servo in (found := self._find(who, now)):
+                    servo.temperature = heat
+                return f"{_names(found)}: {show(heat, 'degC')}"
+        raise UsageError("this is no command; `help` lists them")
+
+    def _load(self, servos: list[VirtualServo], text: str) -> str:
+        loads = [parse_load(text, servo.shaft.load) for servo in servos]
+        for servo, load in zip(servos, loads, strict=True):
+            if load != servo.shaft.load:
+                servo.shaft.load = load
+        return "\n".join(f"{_names([servo])}: {describe(load)}" for servo, load in zip(servos, loads, strict=True))
+
+    def _find(self, who: str, now: float) -> list[VirtualServo]:
+        """Find the servos that are meant, and bring them up to now. Raises UsageError."""
+        if who == "all":
+            found = self.drawer.servos
+        elif "@" in who:
+            wanted = [(model, id) for model, ids in parse_specs(who) for id in ids]
+            found = [servo for servo in self.drawer.servos if (servo.model, servo.id) in wanted]
+        else:
+            ids = parse_ids(who)
+            found = [servo for servo in self.drawer.servos if servo.id in ids]
+        if not found:
+            raise UsageError(f"there is no servo {who}")
+        for servo in found:
+            servo.advance(now)
+        return found
+
+
+def describe(load: Load) -> str:
+    """Say what hangs on a shaft, in the words that `load` takes."""
+    parts = {
+        "inertia": f"{load.inertia:g} kg·m²",
+        "mass": f"{load.mass:g} kg",
+        "length": f"{load.length:g} m",
+        "torque": f"{load.torque:g} N·m",
+        "down": show(load.down, "rad"),
+        "tilt": show(load.tilt, "rad"),
+    }
+    words = [f"{name} {text}" for name, text in parts.items() if getattr(load, name) != getattr(NOTHING, name)]
+    return "load " + (", ".join(words + ["blocked"] * bool(load.blocked)) or "none")
+
+
+def _names(servos: list[VirtualServo]) -> str:
+    if len(servos) > MANY:
+        return f"{len(servos)} servos"
+    return ", ".join(f"{servo.model.title} id {servo.id}" for servo in servos)
+
+
+def _number(text: str, unit: str) -> float:
+    try:
+        return parse(text, unit)
+    except ValueError as error:
+        raise BadValue(str(error)) from None
+
+
+# Standard input
+
+
+def listen(console: VirtualConsole, stop: threading.Event) -> threading.Thread | None:
+    """Let a thread take the lines of standard input until it ends, or until `stop`; None if there is none."""
+    try:
+        handle = sys.stdin.fileno()
+    except (AttributeError, ValueError, OSError):  # closed, or something that a test put there
+        return None
+    # Reading past Python's own buffer: a thread that sleeps inside that would hinder the end of the program.
+    thread = threading.Thread(target=_read, args=(handle, console.take, stop), name="commands", daemon=True)
+    thread.start()
+    return thread
+
+
+def _read(handle: int, take: Callable[[str], None], stop: threading.Event) -> None:
+    rest = b""
+    while not stop.is_set():
+        try:
+            if not _ready(handle):
+                continue
+            data = os.read(handle, 4096)
+        except (OSError, ValueError):
+            return
+        *lines, rest = (rest + data).split(b"\n")
+        if not data:
+            lines = [rest]
+        for line in lines:
+            take(line.decode(errors="replace"))
+        if not data:
+            return
+
+
+def _ready(handle: int) -> bool:
+    """Wait a while for input. A program in the background leaves the terminal's to the one in the foreground."""
+    if sys.platform == "win32":
+        return True  # it cannot wait for a console, and has to read right away
+    if not select.select([handle], [], [], PATIENCE)[0]:
+        return False
+    try:
+        background = os.tcgetpgrp(handle) != os.getpgrp()
+    except OSError:  # no terminal, or not the one that this program belongs to
+        return True
+    if background:
+        time.sleep(PATIENCE)
+    return not background
