@@ -1285,6 +1285,31 @@ def test_a_weak_supply_that_the_motor_pulls_down_does_not_make_it_rattle() -> No
     assert 1 <= changes <= 20  # tenths of a second apart
 
 
+def test_a_stall_pulls_the_supply_of_a_neighbour_out_of_its_limits() -> None:
+    wire = Wire(servo(1), servo(2), supply=Rail(7.4, 0.5))
+    tell(wire, "01 07 16 94 11 E0 2E")  # id 1 works from 4.5 V, id 2 from 6.5 V
+    tell(wire, "02 04 1F 01")
+    wire.wait(1.0)
+    neighbour = wire.line.servos[1]
+    assert (neighbour.led, neighbour.torque) == ("on", True)
+    block(wire)
+    tell(wire, "01 04 1F 01")
+    tell(wire, "01 07 01 E8 03 00 00")
+    wire.wait(0.1)
+    assert not neighbour.torque
+    reply = ask(wire, "02 03 1B")
+    millivolts = int.from_bytes(bytes.fromhex(reply)[3:], "little")
+    assert millivolts == pytest.approx(1000 * (7.4 - 0.5 * 0.1) / (1 + 0.5 / 2.9), rel=0.005)
+    seen = set()
+    for _ in range(10):
+        wire.wait(0.1)
+        seen.add(neighbour.led)
+    assert seen == {"on", "off"}
+    block(wire, False)
+    wire.wait(1.0)
+    assert neighbour.torque
+
+
 def test_a_resting_servo_costs_next_to_nothing() -> None:
     wire = loaded()
     wire.wait(1.0)

@@ -34,7 +34,7 @@ class LoadType(click.ParamType[Load]):
     "servobus virtual rx28@1-4,7",
     "servobus virtual lx16a@1,2 --pty /tmp/arm --state arm.json",
     "servobus virtual drs0602@219 --tcp 127.0.0.1:3333",
-    "servobus virtual rx28@1-4 --supply-resistance 0.5 --load mass=0.2,length=0.1 --show",
+    "servobus virtual rx28@1-4 --load mass=0.2,length=0.1 --show",
     "",
     "and then, in another terminal:",
     "servobus scan /tmp/arm",

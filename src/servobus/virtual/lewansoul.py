@@ -100,6 +100,8 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         self._stuck_at = self._last
         self._seen: tuple[float, float] | None = None
         self._calm: tuple[float, float, float] | None = None
+        self._patience = round(LOCKED_TIME / self.tick)
+        self._orders = False, 0.0
         # L-20: until a move is given, present position and time 0 stand in its place.
         self._ungiven = {"goal_position", "wait_goal_position"}
         self._faults = Alarm(0)
@@ -128,6 +130,7 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
             self._obey(request)
             self._hold()
             self._seen = self._calm = None
+            self._look()
             return []
         if request.id == BROADCAST and command is not Command.SERVO_ID_READ:
             return []  # L-5
@@ -236,8 +239,8 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
 
     def _protect(self) -> None:
         """See what is wrong, and let go of the shaft or take hold of it accordingly."""
-        seen = self.voltage, self.temperature
-        if seen == self._seen and Alarm.OVER_VOLTAGE not in self._faults:
+        seen = self.shaft.rail.voltage, self.shaft.case
+        if seen == self._seen and not self._good:
             return
         self._seen = seen
         faults = self._faults & Alarm.LOCKED_ROTOR
@@ -248,23 +251,35 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
             self._good += 1
             if self._good * self.tick < BACK_TIME:
                 faults |= Alarm.OVER_VOLTAGE
+            else:
+                self._good = 0
         # Point 16: off above the limit, on again below it; at the limit it stays as it is.
         was_hot = Alarm.OVER_TEMPERATURE in self._faults
         if self._celsius > self.get("max_temperature") - was_hot:
             faults |= Alarm.OVER_TEMPERATURE
-        self._faults = faults
-        self._hold()
+        if faults != self._faults:
+            self._faults = faults
+            self._hold()
+            self._look()
 
     def _watch(self) -> None:
         """See whether something holds the rotor against nearly all that the motor has."""
         position = self.shaft.position
         if stands(self.shaft.duty, position - self._stuck_at):
             self._stuck += 1
-            if self._stuck * self.tick >= LOCKED_TIME:
+            if self._stuck == self._patience:
                 self._faults |= Alarm.LOCKED_ROTOR
         else:
+            if self._stuck >= self._patience:
+                self._faults &= ~Alarm.LOCKED_ROTOR
             self._stuck, self._stuck_at = 0, position
-            self._faults &= ~Alarm.LOCKED_ROTOR
+
+    def _look(self) -> None:
+        """Look at the registers that say what the motor is for; every tick would be too often for Python."""
+        orders = self.torque, self.output
+        if orders != self._orders:
+            self._orders = orders
+            self._calm = None
 
     @property
     def _millivolts(self) -> int:
@@ -277,8 +292,9 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
     # Motion: what the firmware commands
 
     def control(self, ticks: int) -> None:
+        self._look()
         while ticks:
-            if self._resting:
+            if self._calm is not None and self._resting:
                 passed = min(ticks, LOOK - self._count % LOOK)
                 self._owed += passed
             else:
@@ -293,10 +309,10 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
     @property
     def _resting(self) -> bool:
         """Whether nothing but heat goes on: the shaft stands, and so does all that could change the output."""
-        return self._calm is not None and self.shaft.at_rest and self._calm == self._scene()
+        return self._calm == self._scene() and self.shaft.at_rest
 
     def _scene(self) -> tuple[float, float, float]:
-        return self.shaft.position, self.voltage, self.temperature
+        return self.shaft.position, self.shaft.rail.voltage, self.shaft.case
 
     def _pay(self) -> None:
         """Let the heat flow of the ticks for which the shaft stood."""
@@ -310,23 +326,24 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         shaft = self.shaft
         self._protect()
         before = shaft.duty, self._total, self._point
-        if not self.torque:
+        loaded, output = self._orders
+        position = shaft.position
+        if not loaded:
             shaft.release()
         elif self._target is None:
-            shaft.drive(self.output)
+            shaft.drive(output)
         else:
-            shaft.drive(self._follow(self._target))
-        self._last = shaft.position
+            shaft.drive(self._follow(self._target, position))
+        self._last = position
         shaft.tick()
         self._watch()
-        changing = before != (shaft.duty, self._total, self._point) or shaft.position != self._last
-        waiting = self._stuck and Alarm.LOCKED_ROTOR not in self._faults
-        recovering = Alarm.OVER_VOLTAGE in self._faults and self._good
-        self._calm = None if changing or waiting or recovering else self._scene()
+        calm = shaft.at_rest and before == (shaft.duty, self._total, self._point)
+        pending = self._good or 0 < self._stuck < self._patience
+        self._calm = self._scene() if calm and not pending else None
 
-    def _follow(self, target: float) -> float:
+    def _follow(self, target: float, position: float) -> float:
         """Move the set point towards the goal, and give the output that takes the shaft along."""
-        position, now = self.shaft.position, self._point
+        now = self._point
         self._point = set_point(now, target, self._speed, self.tick)
         wanted, measured = (self._point - now) / self.tick, (position - self._last) / self.tick
         output, self._total = hold(self.gains, now - position, wanted, measured, self._total, self.tick)
