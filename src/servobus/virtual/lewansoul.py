@@ -49,7 +49,7 @@ MILLISECOND = 0.001
 BACK_TIME = 0.1
 """s that the voltage has to be good again; assumption."""
 LOOK = 50
-"""Ticks between two looks at a servo that stands; its heat flows no more often either."""
+"""Ticks between two looks at a servo that stands, and at what no packet has changed; its heat flows no more often."""
 
 
 class LewansoulServo(VirtualServo, family=Lewansoul):
@@ -292,7 +292,6 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
     # Motion: what the firmware commands
 
     def control(self, ticks: int) -> None:
-        self._look()
         while ticks:
             if self._calm is not None and self._resting:
                 passed = min(ticks, LOOK - self._count % LOOK)
@@ -303,8 +302,9 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
                 self._run()
             self._count += passed
             ticks -= passed
-            if self._owed and self._count % LOOK == 0:
+            if self._count % LOOK == 0:
                 self._pay()
+                self._look()
 
     @property
     def _resting(self) -> bool:
