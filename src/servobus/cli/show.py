@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 PERIOD = 0.1
 """s between two pictures."""
-SHARE = 0.1
+SHARE = 0.2
 """Of the processor, that drawing may take: large tables are drawn less often."""
 BUDGET = 0.001
 """s after which the looks at the servos let the bus have its turn."""
@@ -90,13 +90,14 @@ class Show:
         console = self._console or Console(file=sys.stderr, highlight=False, emoji=False)
         with Live(console=console, auto_refresh=False, transient=False, redirect_stdout=False) as live:
             while not self._stop.is_set():
+                due = time.monotonic() + PERIOD
                 seen = self.look()
                 started = time.monotonic()
                 if seen:
                     rows = max(1, console.height - AROUND - self._said.count("\n"))
                     live.update(picture(seen, self._name, self._said, rows), refresh=True)
-                spent = time.monotonic() - started
-                self._stop.wait(max(PERIOD - spent, spent * (1 / SHARE - 1)))
+                now = time.monotonic()
+                self._stop.wait(max(due - now, (now - started) * (1 / SHARE - 1)))
 
 
 def picture(servos: Sequence[Glance], name: str = "", said: str = "", rows: int = 1000) -> "RenderableType":
