@@ -20,26 +20,49 @@ class Rail:
     """
 
     def __init__(self, source: float, resistance: float = 0.0) -> None:
-        self.source, self.resistance = source, resistance
-        """V without load; ohm inside, and of the wires"""
-        self._conductance = self._fed = 0.0
-        self._standby = 0.0
+        self._source, self._resistance = source, resistance
+        self._conductance = self._fed = self._standby = 0.0
+        self._settle()
+
+    voltage: float
+    """What arrives at the servos, V: never negative, and never more than the source's. Kept, as it is often asked."""
 
     @property
-    def voltage(self) -> float:
-        """What arrives at the servos, V: never negative, and never more than the source's."""
-        fed = self._fed - self._standby
-        voltage = (self.source + self.resistance * fed) / (1 + self.resistance * self._conductance)
-        return max(0.0, min(voltage, self.source))
+    def source(self) -> float:
+        """V without load"""
+        return self._source
+
+    @source.setter
+    def source(self, source: float) -> None:
+        self._source = source
+        self._settle()
+
+    @property
+    def resistance(self) -> float:
+        """ohm inside, and of the wires"""
+        return self._resistance
+
+    @resistance.setter
+    def resistance(self, resistance: float) -> None:
+        self._resistance = resistance
+        self._settle()
 
     def connect(self) -> None:
         """Take one more servo on."""
         self._standby += STANDBY
+        self._settle()
 
     def draw(self, conductance: float, fed: float) -> None:
         """Take note that the draw of a servo has changed by so much."""
         self._conductance += conductance
         self._fed += fed
+        if self._resistance:
+            self._settle()
+
+    def _settle(self) -> None:
+        fed = self._fed - self._standby
+        voltage = (self._source + self._resistance * fed) / (1 + self._resistance * self._conductance)
+        self.voltage = max(0.0, min(voltage, self._source))
 
 
 class Shaft:
@@ -131,10 +154,10 @@ class Shaft:
 
     def tick(self, ticks: int = 1) -> None:
         """Let ticks of the control loop pass, during which the bridge does the same."""
-        state, plan = self.state, self._plan
+        state, plan, rail = self.state, self._plan, self.rail
         for _ in range(ticks):
             before = state.position
-            step(plan, state, self.duty, self.rail.voltage, self.closed)
+            step(plan, state, self.duty, rail.voltage, self.closed)
             if state.velocity == 0 and state.position == before:
                 self._rest(ticks)
                 break
@@ -164,7 +187,9 @@ class Shaft:
         self._still = False
 
     def _draw(self) -> None:
-        """Tell the supply what the bridge draws now."""
+        """Tell the supply what the bridge draws now; one without resistance does not care."""
+        if not self.rail.resistance:
+            return
         share = self.duty / self._plan.resistance if self.closed else 0.0
         conductance, fed = share * self.duty, share * self._plan.constant * self.state.velocity
         self.rail.draw(conductance - self._conductance, fed - self._fed)
