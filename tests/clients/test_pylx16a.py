@@ -98,5 +98,8 @@ def test_motor_mode(eventually: Eventually) -> None:
     one.servo_mode()
     assert one.is_motor_mode(poll_hardware=True) is False
     here = one.get_physical_angle()
+    time.sleep(0.3)
+    stopped = one.get_physical_angle()
+    assert abs(stopped - here) < 1.5  # it had to brake
     time.sleep(0.2)
-    assert one.get_physical_angle() == here
+    assert one.get_physical_angle() == stopped
