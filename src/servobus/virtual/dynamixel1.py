@@ -128,9 +128,9 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
         ]
         self._kept = self._followed = None
         self._flicker_until = -math.inf
-        scale = self.row("present_position").scale
-        self._units = 1 / (scale.decode(1) - scale.decode(0))
+        self._units: float = 1 / self.row("present_position").decode(1)
         """Position units per rad."""
+        self._per_volt: float = 1 / self.row("present_voltage").decode(1)
         self._whole = TURN * self._units
         self._set_point = 0.0
         self._drives = self._moving = self._overloaded = False
@@ -143,10 +143,11 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
         self.put("torque_limit", self.get("max_torque"))  # 3-4-1 Max Torque
         self._listen()
         self._follow_shaft()
+        self._settings()
 
     def advance(self, now: float) -> None:
         super().advance(now)
-        if self.powered and not self._settings().torque:
+        if self.powered and not self._now.torque:
             self._follow_shaft()
 
     @property
@@ -325,8 +326,8 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
         return self._alarms(self._settings())
 
     def _alarms(self, now: Settings) -> Error:
-        alarms = OK
-        if not now.voltages[0] <= self._volts <= now.voltages[1]:
+        alarms, (lowest, highest) = OK, now.voltages
+        if not lowest <= self._volts <= highest:
             alarms |= Error.INPUT_VOLTAGE
         if self._celsius > now.hottest:
             alarms |= Error.OVERHEATING
@@ -345,11 +346,11 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
 
     @property
     def _volts(self) -> int:
-        return max(0, min(self.row("present_voltage").scale.encode(self.voltage), 255))
+        return min(int(self.shaft.rail.voltage * self._per_volt + 0.5), 255)
 
     @property
     def _celsius(self) -> int:
-        return max(0, min(self.row("present_temperature").scale.encode(self.temperature), 255))
+        return min(max(0, int(self.shaft.case + 0.5)), 255)
 
     # Motion: what the firmware commands
 
@@ -398,10 +399,10 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
         self._stands_at = shaft.position
         self._judge(now)
         alarms = self._alarms(now)
-        if alarms:
-            self._alarm(alarms, time)
-            now = self._settings()
-        return now
+        if alarms is OK:
+            return now
+        self._alarm(alarms, time)
+        return self._settings()
 
     def _judge(self, now: Settings) -> None:
         """Find out whether the goal has been reached."""

@@ -91,9 +91,9 @@ def test_the_default_is_what_the_sheet_says(key: str) -> None:
         assert stall_torque(params, point.voltage) == pytest.approx(point.stall_torque, rel=rel)
 
 
-@pytest.mark.parametrize("params", [motors.RX28_FRICTION, motors.DRS0602_LOSSY])
+@pytest.mark.parametrize("params", [motors.RX28, motors.DRS0602_LOSSY])
 def test_so_are_sets_that_explain_the_sheet_otherwise(params: MotorParams) -> None:
-    sheet = RX28.sheet if params is motors.RX28_FRICTION else DRS0602.sheet
+    sheet = RX28.sheet if params is motors.RX28 else DRS0602.sheet
     for point in sheet.performance:
         assert no_load_speed(params, point.voltage) == pytest.approx(point.speed, rel=0.01)
         assert stall_torque(params, point.voltage) == pytest.approx(point.stall_torque, rel=0.01)
@@ -201,7 +201,7 @@ def test_energy_never_grows(
     ripple = dt**2 * load.pull * (2 * most / inertia + load.pull / inertia) / 8
     for now in run(params, 200 * dt, load=load, closed=closed, dt=dt, state=state):
         assert energy(params, load, now) <= most + ripple + 1e-12
-    flat = replace(load, tilt=math.pi / 2)  # no gravity, no ripple
+    flat = Load(inertia=load.total_inertia)  # no gravity, no ripple
     state = MotorState(velocity=velocity)
     speed = abs(velocity)
     for now in run(params, 200 * dt, load=flat, closed=closed, dt=dt, state=state):

@@ -1,13 +1,12 @@
-import math
-
 import pytest
 
 from servobus.errors import BadValue, UnknownName, UsageError
-from servobus.families.base import Performance
 from servobus.families.dynamixel1 import Dynamixel1
 from servobus.models import LX16A, RX28
 from servobus.units import deg
-from servobus.virtual.motion import Shaft, no_load_speed
+from servobus.virtual.motion import Rail, Shaft
+from servobus.virtual.motor import Load, no_load_speed
+from servobus.virtual.motors import RX28_FRICTION
 from servobus.virtual.servo import VirtualServo, virtual_servo
 
 
@@ -116,19 +115,78 @@ def test_servo_with_one_speed_only() -> None:
 
 
 def test_speed_depends_on_the_supply() -> None:
-    points = (Performance(12.0, 1.0, 6.0), Performance(16.0, 1.0, 8.4))
-    speeds = [no_load_speed(points, voltage) for voltage in (-1.0, 0.0, 6.0, 12.0, 14.0, 16.0, 20.0)]
-    assert speeds == pytest.approx([0, 0, 3, 6, 7.2, 8.4, 10.5])
+    servo = virtual_servo(RX28, 1)
+    speeds = {}
+    for voltage in (0.0, 6.0, 12.0, 16.0):
+        servo.voltage = voltage
+        speeds[voltage] = servo.top_speed
+    assert speeds[0.0] == 0
+    assert 60 * deg / speeds[12.0] == pytest.approx(0.167, rel=0.01)
+    assert 60 * deg / speeds[16.0] == pytest.approx(0.126, rel=0.01)
+    assert speeds[6.0] < speeds[12.0] / 2  # friction takes its share first
 
 
-def test_shaft() -> None:
-    shaft = Shaft(1.0)
-    shaft.move_towards(2.0, 4.0, 0.1)
-    assert (shaft.position, shaft.velocity) == (1.4, 4.0)
-    shaft.move_towards(1.3, 4.0, 0.1)
-    assert shaft.position == 1.3
-    assert shaft.velocity == pytest.approx(-1.0)
-    shaft.turn(-math.pi, 1.0)
-    assert shaft.position == pytest.approx(1.3 - math.pi)
-    shaft.rest()
-    assert shaft.velocity == 0
+def shaft(position: float = 1.0) -> Shaft:
+    return Shaft(RX28_FRICTION, position, 0.001, Rail(12.0))
+
+
+def test_a_driven_shaft_runs_up_to_its_speed() -> None:
+    driven = shaft()
+    driven.drive(1.0)
+    driven.tick(200)
+    assert driven.velocity == pytest.approx(no_load_speed(RX28_FRICTION, 12.0), rel=1e-6)
+    driven.drive(-0.5)
+    driven.tick(200)
+    assert driven.velocity == pytest.approx(-no_load_speed(RX28_FRICTION, 6.0), rel=1e-3)
+    assert not driven.at_rest
+
+
+def test_a_braked_shaft_stops_sooner_than_a_free_one() -> None:
+    braked, free = shaft(), shaft()
+    for one in (braked, free):
+        one.drive(1.0)
+        one.tick(200)
+    start = braked.position
+    braked.brake()
+    free.release()
+    for one in (braked, free):
+        one.tick(1000)
+        one.tick()
+        assert one.at_rest
+        assert one.velocity == 0
+    assert start < braked.position < free.position
+    assert free.current == 0
+
+
+def test_a_shaft_without_power_stands() -> None:
+    stopped = shaft()
+    stopped.drive(1.0)
+    stopped.tick(50)
+    position = stopped.position
+    stopped.rest()
+    assert (stopped.velocity, stopped.current, stopped.position) == (0, 0, position)
+
+
+def test_a_shaft_in_a_vice_takes_the_current_of_a_stall() -> None:
+    held = shaft()
+    held.load = Load(blocked=1.0)
+    held.drive(1.0)
+    held.tick(10)
+    assert held.position == 1.0
+    assert held.current == pytest.approx(12.0 / RX28_FRICTION.resistance)
+
+
+def test_servos_pull_down_a_supply_they_share() -> None:
+    rail = Rail(12.0, 1.0)
+    one, other = Shaft(RX28_FRICTION, 0.0, 0.001, rail), Shaft(RX28_FRICTION, 0.0, 0.001, rail)
+    idle = rail.voltage
+    assert 11.8 < idle < 12.0  # the electronics of both
+    for held in (one, other):
+        held.load = Load(blocked=1.0)
+        held.drive(1.0)
+        held.tick()
+    assert rail.voltage == pytest.approx((12.0 - (12.0 - idle)) / (1 + 2 / RX28_FRICTION.resistance))
+    for held in (one, other):
+        held.release()
+        held.tick()
+    assert rail.voltage == pytest.approx(idle)
