@@ -8,6 +8,8 @@ from servobus.virtual.motor import CLOSED, NOTHING, OPEN, REFERENCE, Load, Motor
 
 HEAT_TIME = 0.1
 """s between two looks at the temperatures; the fastest of them changes within seconds."""
+WARMER = 0.1
+"""K by which the winding may warm before its resistance follows: 0.04 % of it."""
 STANDBY = 0.05
 """A that the electronics of a servo draw; assumption, from the RX-28 manual 1-3 (50 mA) and the DRS-0602's 33 mA."""
 
@@ -29,7 +31,7 @@ class Rail:
 
     @property
     def source(self) -> float:
-        """V without load"""
+        """V without load."""
         return self._source
 
     @source.setter
@@ -39,7 +41,7 @@ class Rail:
 
     @property
     def resistance(self) -> float:
-        """ohm inside, and of the wires"""
+        """Of the inside and the wires, ohm."""
         return self._resistance
 
     @resistance.setter
@@ -77,6 +79,8 @@ class Shaft:
         self.closed = OPEN
         self._load = NOTHING
         self._conductance = self._fed = 0.0
+        self._still_at = 0.0
+        """V under which it came to rest."""
         self._unheated = 0.0
         """s since the temperatures were looked at."""
         self.rail = rail
@@ -92,6 +96,7 @@ class Shaft:
     @position.setter
     def position(self, position: float) -> None:
         """Turn it by hand."""
+        self._still = False
         self.state.position, self.state.velocity, self.state.play = position, 0.0, 0.0
 
     @property
@@ -111,7 +116,7 @@ class Shaft:
     @property
     def at_rest(self) -> bool:
         """Whether it stands, and will go on standing while the bridge goes on as it does."""
-        return self._still
+        return self._still and self._still_at == self.rail.voltage
 
     # What is around it
 
@@ -166,7 +171,8 @@ class Shaft:
         if self._unheated >= HEAT_TIME:
             warm(self.motor, state, self.ambient, self._unheated)
             self._unheated = 0.0
-            self._prepare()
+            if abs(state.winding - self._prepared_at) > WARMER:
+                self._prepare()
 
     def rest(self) -> None:
         """Cut the power: no current, and whatever moved is taken to have come to rest."""
@@ -178,12 +184,13 @@ class Shaft:
 
     def _rest(self, ticks: int) -> None:
         """Standing still, only heat goes on."""
-        self._still = True
+        self._still, self._still_at = True, self.rail.voltage
         state = self.state
         state.heat += self._plan.resistance * state.current**2 * self.tick_time * (ticks - 1)
 
     def _prepare(self) -> None:
-        self._plan = prepare(self.motor, self._load, dt=self.tick_time, winding=self.state.winding)
+        self._prepared_at = self.state.winding
+        self._plan = prepare(self.motor, self._load, dt=self.tick_time, winding=self._prepared_at)
         self._still = False
 
     def _draw(self) -> None:
