@@ -1270,7 +1270,7 @@ def test_H_88_speed_that_is_not_reached_delays_the_next_one() -> None:
             assert wire.now < start + 10
         return wire.now - start
 
-    assert TOP_SPEED / 0.62 == pytest.approx(590, abs=1)
+    assert pytest.approx(590, abs=1) == TOP_SPEED / 0.62
     assert delay(580) < 0.1
     assert 0.5 < delay(700) < delay(900)
 

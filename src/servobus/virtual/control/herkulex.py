@@ -30,7 +30,7 @@ UNIT = 11.2e-3
 CHANGE = 0.8e-3
 """s of which Kd takes the change; assumption, see above."""
 MEASURED = 4 * UNIT
-"""s over which speed is measured. Not printed, but one position unit in this time is just the 0.62 degrees/s of NO 55."""
+"""s over which speed is measured; assumption: one position unit in this time is just the 0.62 degrees/s of NO 55."""
 LONGEST_SUM = 32767.0
 """pwm that the speed controller's integral holds at most; assumption: a signed register of 16 bits. It is far more than
 the output, so what cannot be reached is made up for later, as 6-5 warns (H-88)."""
