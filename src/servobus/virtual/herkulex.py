@@ -102,16 +102,14 @@ class HerkulexServo(VirtualServo, family=Herkulex):
 
     @property
     def home(self) -> float:
-        """The middle of the range: raw 16384."""
-        return 0.0
+        return 0.0  # raw 16384, the middle of the range
 
     def garbage(self, now: float) -> None:  # noqa: ARG002 - the timer of the line is the servo's
         self._fault(StatusError.INVALID_PACKET, StatusDetail.GARBAGE)
 
     @property
     def torque(self) -> bool:
-        # A braked shaft is held as well (H-48).
-        return self.get("torque_control") != TorqueControl.FREE
+        return self.get("torque_control") != TorqueControl.FREE  # a braked shaft is held as well (H-48)
 
     @property
     def led(self) -> str:
@@ -241,7 +239,6 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         """Bring the registers that are measured up to date."""
         here, course = self.shaft.position, self._course
         trajectory = course.position if self._driven and course.position is not None else here
-        speed = course.speed if self._driven else 0.0
         absolute, goal = self._counter.read(here), self._counter.read(self._goal)
         self._wrong()
         self.put("tick", self._loops // LOOPS & 0xFF)
@@ -251,15 +248,11 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         self._measured("absolute_2nd_position", self._potentiometer)
         self.put("absolute_goal_position", goal)
         self.put("absolute_desired_trajectory_position", self._counter.read(trajectory))
-        self._measured("desired_velocity", speed)
-        detail = StatusDetail(self.get("status_detail")) & CAUSES
-        if self._stop.moving:
-            detail |= StatusDetail.MOVING
-        if self._driven:
-            detail |= StatusDetail.TORQUE_ON
-            if course.position is not None and abs(goal - absolute) < self.get("inposition_margin"):
-                detail |= StatusDetail.INPOSITION
-        self.put("status_detail", detail)
+        self._measured("desired_velocity", course.speed if self._driven else 0.0)
+        state = self._stop.moving * StatusDetail.MOVING | self._driven * StatusDetail.TORQUE_ON
+        if self._driven and course.position is not None and abs(goal - absolute) < self.get("inposition_margin"):
+            state |= StatusDetail.INPOSITION
+        self.put("status_detail", self.get("status_detail") & CAUSES | state)
 
     def _fault(self, error: StatusError, cause: int = 0) -> None:
         """Note an error; it stays until a host clears it (H-19)."""
@@ -327,7 +320,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
                 (self._go if jog.mode is ControlMode.POSITION else self._turn)(jog, playtime * TICK)
 
     def _go(self, jog: Jog, duration: float) -> None:
-        start, speed = self._course.position, 0.0 if jog.no_override else self._course.speed
+        start, speed = self._course.position, 0.0 if jog.no_override else self._speed
         if start is None or jog.stop:
             self._hold()
             start = self.shaft.position
@@ -345,9 +338,14 @@ class HerkulexServo(VirtualServo, family=Herkulex):
 
     def _turn(self, jog: Jog, duration: float) -> None:
         """Change the speed; the playtime sets how long that takes (assumption EH-40)."""
-        before = 0.0 if jog.no_override else self._course.speed
+        before = 0.0 if jog.no_override else self._speed
         after: float = self.row("differential_position").decode(jog.value)  # same unit as in 6-5
         self._begin(Ramp() if jog.stop else Ramp(before, after, self._ramp_time(duration)))
+
+    @property
+    def _speed(self) -> float:
+        """Speed of the plan, as far as the supply allows it."""
+        return max(-self.top_speed, min(self._course.speed, self.top_speed))
 
     def _ramp_time(self, duration: float) -> float:
         return ramp_time(duration, self._value("acceleration_ratio"), self._value("max_acceleration_time"))
@@ -391,7 +389,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         elif setpoint is not None:
             self.shaft.move_towards(setpoint, self.top_speed, self.tick)
         else:
-            self.shaft.turn(max(-self.top_speed, min(self._course.speed, self.top_speed)), self.tick)
+            self.shaft.turn(self._speed, self.tick)
 
     def _settled(self) -> bool:
         """Tell whether more of the same would change nothing."""

@@ -62,7 +62,7 @@ def test_speed_is_the_slope_of_position(
     assert slope == pytest.approx(profile.speed(time), abs=2 * dt * steepest + 0.01)
 
 
-@given(finite, finite, durations, st.floats(0, 0.5), finite)
+@given(finite, finite, durations, st.just(0.0) | shares, finite)
 def test_a_profile_begins_and_ends(start: float, goal: float, duration: float, share: float, velocity: float) -> None:
     profile = Profile(start, goal, duration, duration * share, velocity)
     assert profile.position(0.0) == pytest.approx(start, abs=1e-6)
@@ -338,6 +338,16 @@ def test_infinite_turn_no_faster_than_it_goes() -> None:
     made.advance(1.0)
     assert look(made, 62) == round(60 / 0.164 / 0.62)
     assert look(made, 72) == 32767  # the speed asked for is more than its register holds
+    # What it does not reach is not brought along.
+    turn(made, 1.0, 0, 100)
+    made.advance(1.14)
+    assert look(made, 62) == pytest.approx(60 / 0.164 / 0.62 / 2, abs=2)
+    turn(made, 2.0, 16383)
+    made.advance(3.0)
+    jog(made, 3.0, 16384, 100)
+    turned = made.position
+    made.advance(3.02)
+    assert 0 < made.position - turned < 8 * deg
 
 
 def test_a_late_shaft_keeps_the_trajectory() -> None:
