@@ -7,6 +7,7 @@ the ratios, not the absolute figures: they depend on the machine and on what els
 """
 
 import argparse
+import math
 import statistics
 import subprocess
 import sys
@@ -61,14 +62,15 @@ def main(arguments: list[str] | None = None) -> None:
 
     wire = BYTES * 10 / args.baud * 1e6
     print(f"read present_position of a virtual RX-28 at {args.baud} baud; the wire alone takes {wire:.0f} µs")
-    print(f"{'driver':<16}{'reads/s':>9}{'median µs':>11}{'p99 µs':>9}{'CPU µs':>8}{'ratio':>8}")
-    ours = statistics.median(times["servobus"])
+    print(f"{'driver':<16}{'reads/s':>9}{'median µs':>11}{'p99 µs':>9}{'CPU µs':>8}{'lost':>6}{'ratio':>8}")
+    ours = statistics.median(filter(math.isfinite, times["servobus"]))
     for name, taken in times.items():
-        median, p99 = statistics.median(taken), statistics.quantiles(taken, n=100)[98]
+        good = [seconds for seconds in taken if math.isfinite(seconds)]
+        median, p99 = statistics.median(good), statistics.quantiles(good, n=100)[98]
         spent = cpu[name] / len(taken)
         print(
-            f"{name:<16}{1 / statistics.fmean(taken):>9.0f}{median * 1e6:>11.0f}{p99 * 1e6:>9.0f}"
-            f"{spent * 1e6:>8.0f}{median / ours:>8.2f}"
+            f"{name:<16}{1 / statistics.fmean(good):>9.0f}{median * 1e6:>11.0f}{p99 * 1e6:>9.0f}"
+            f"{spent * 1e6:>8.0f}{len(taken) - len(good):>6}{median / ours:>8.2f}"
         )
 
 

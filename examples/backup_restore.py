@@ -11,8 +11,7 @@ import tempfile
 from pathlib import Path
 
 import servobus
-from servobus import RX28, deg
-from servobus.procedures import Backup
+from servobus import RX28, Backup, deg
 
 port = sys.argv[1] if len(sys.argv) > 1 else "virtual:rx28@1?clock=virtual"
 file = Path(tempfile.gettempdir()) / "rx28-1.toml"

@@ -13,6 +13,7 @@ Angles are radians, times seconds, voltages volts; `90 * deg` is how one writes 
 What only one family can do is in `servobus.dynamixel1`, `servobus.herkulex` and `servobus.lewansoul`.
 """
 
+from servobus.backup import Backup
 from servobus.bus import Bus, BusServo, Move
 from servobus.connect import open, open_async
 from servobus.errors import (
@@ -31,7 +32,7 @@ from servobus.errors import (
     WrongReply,
 )
 from servobus.models import DRS0602, FAMILIES, LX16A, MODELS, RX28
-from servobus.procedures import Backup, State
+from servobus.procedures import State
 from servobus.protocols import dynamixel1, herkulex, lewansoul
 from servobus.units import deg, ms, rpm
 

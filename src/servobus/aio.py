@@ -155,7 +155,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
     async def _step(self, step: Step) -> Any:
         if isinstance(step, Exchange):
             return await self._exchange(step)
-        await self._wait_until_clear()
+        await self._pause(self._wait_before(step))
         if isinstance(step, SetBaud):
             self._set_baud(step.baud)
         elif isinstance(step, Pause):
@@ -184,9 +184,6 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             if chunk:
                 collector.feed(chunk)
         return self._judge(collector)
-
-    async def _wait_until_clear(self) -> None:
-        await self._pause(self._clear_at - self.transport.now())
 
     # Waiting, the asynchronous way
 

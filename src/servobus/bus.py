@@ -140,7 +140,7 @@ class Bus(Blocking, Driver[BusServo]):
     def _step(self, step: Step) -> Any:
         if isinstance(step, Exchange):
             return self._exchange(step)
-        self._wait_until_clear()
+        self._pause(self._wait_before(step))
         if isinstance(step, SetBaud):
             self._set_baud(step.baud)
         elif isinstance(step, Pause):
@@ -169,9 +169,6 @@ class Bus(Blocking, Driver[BusServo]):
             if chunk:
                 collector.feed(chunk)
         return self._judge(collector)
-
-    def _wait_until_clear(self) -> None:
-        self._pause(self._clear_at - self.transport.now())
 
     def _pause(self, seconds: float) -> None:
         if seconds > 0:

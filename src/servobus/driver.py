@@ -10,7 +10,7 @@ from typing import Any, Generic, TypeVar
 
 from servobus import models, procedures
 from servobus.errors import BusError, Refused, UnknownName
-from servobus.exchange import Collector, Exchange, Procedure, SetBaud
+from servobus.exchange import Collector, Exchange, Pause, Procedure, SetBaud
 from servobus.families.base import Answers, Family, Model, Target
 from servobus.operation import Operation
 from servobus.procedures import Course, Found, Survey, Watcher
@@ -45,6 +45,8 @@ class Driver(ABC, Generic[S]):
         """Time at which every servo has forgotten what it heard at another speed."""
         self._clear_at = 0.0
         """Time at which the last of our bytes has left."""
+        self._sent_at = 0.0
+        """Time from which on a change of speed cannot spoil them any more."""
 
     # The servos known here
 
@@ -250,6 +252,8 @@ class Driver(ABC, Generic[S]):
         byte_time = BITS_PER_BYTE / transport.baud
         leaves = max(transport.now(), self._clear_at) + len(exchange.request) * byte_time
         self._clear_at = leaves
+        # Where nothing answers nobody tells when the adapter has really sent it.
+        self._sent_at = leaves + (transport.latency if exchange.reply is None else 0.0)
         patience = transport.latency
         if exchange.reply is not None:
             # A servo's speed may be 3 % off (RX-28 manual 3-4-1).
@@ -268,6 +272,11 @@ class Driver(ABC, Generic[S]):
         if self._used_speed:
             self._quiet_at = self.transport.now() + procedures.QUIET
             self._used_speed = False
+
+    def _wait_before(self, step: SetBaud | Pause) -> float:
+        """Seconds to wait before a step that is no exchange."""
+        changes = isinstance(step, SetBaud) and step.baud != self.transport.baud
+        return (self._sent_at if changes else self._clear_at) - self.transport.now()
 
     def _patience_before(self, exchange: Exchange[Any]) -> float:
         """Seconds to wait before a request. What can be asked again need not wait for the servos to forget."""

@@ -1,17 +1,14 @@
-"""Jobs of several steps, written once for both drivers: look, move, scan, change id and baud, back up."""
+"""Jobs of several steps, written once for both drivers: look, move, scan, change id and baud, reset."""
 
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from servobus import models
 from servobus.errors import BadValue, BusError, MoveTimeout, NoReply, TorqueOff, UsageError
 from servobus.exchange import Pause, Procedure, SetBaud, ask
 from servobus.families.base import Answers, Family, Identity, Leg, Model, Target
 from servobus.protocols.ids import LAST_ID, check_id
-from servobus.registers import Area, Register
 from servobus.units import deg, show
 
 DEFAULT_SPEED = 90 * deg
@@ -292,18 +289,12 @@ def identify_at(family: Family, id: int, baud: int) -> Procedure[Identity]:
 
 
 def change_id(target: Target, id: int) -> Procedure[None]:
-    """Give a servo another id, after making sure that nobody has it."""
+    """Give a servo another id, after making sure that nobody has it. Raises UsageError."""
     check_id(id)
     family = target.model.family
     if id == target.id:
         return
-    try:
-        yield from ask(family.ping(id))
-    except NoReply:
-        pass  # free
-    except BusError as error:
-        raise UsageError(f"id {id} is not free: something answers to it ({error})") from error
-    else:
+    if (yield from _answers(family, id)):
         raise UsageError(f"id {id} is not free: a servo answers to it")
     yield from family.set_id(target, id)
     yield from ask(family.ping(id))
@@ -316,19 +307,24 @@ def reset(target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
     """
     family = target.model.family
     factory = target.model.register("id").default
-    if "id" not in keep and factory is not None and factory != target.id:
-        try:
-            yield from ask(family.ping(factory))
-        except NoReply:
-            pass  # free
-        except BusError as error:
-            raise UsageError(f"{target} would get the factory id {factory}, and something answers to that") from error
-        else:
-            raise UsageError(
-                f"{target} would get the factory id {factory}, and another servo answers to that already: "
-                "give that one another id first, or connect this one alone"
-            )
+    moves = "id" not in keep and factory is not None and factory != target.id
+    if moves and factory is not None and (yield from _answers(family, factory)):
+        raise UsageError(
+            f"{target} would get the factory id {factory}, and another servo answers to that already: "
+            "give that one another id first, or connect this one alone"
+        )
     return (yield from family.reset(target, keep))
+
+
+def _answers(family: Family, id: int) -> Procedure[bool]:
+    """Tell whether anybody answers to an id, however badly."""
+    try:
+        yield from ask(family.ping(id))
+    except NoReply:
+        return False
+    except BusError:
+        return True
+    return True
 
 
 def change_baud(target: Target, old: int, new: int) -> Procedure[None]:
@@ -341,96 +337,3 @@ def change_baud(target: Target, old: int, new: int) -> Procedure[None]:
     except BusError as error:
         yield SetBaud(old)
         raise NoReply(f"{target} was told to use {new} baud and does not answer there ({error})") from error
-
-
-# Backup
-
-
-@dataclass(frozen=True, slots=True)
-class Backup:
-    """All settings of a servo that survive power-off, raw, with what they belong to."""
-
-    model: type[Model]
-    firmware: str
-    id: int
-    baud: int
-    values: dict[str, int]
-
-    def text(self) -> str:
-        """Write it as a TOML file that people can read: raw values, each with its meaning beside it."""
-        lines = [
-            "# Settings of a servo, written by `servobus backup`.",
-            f'model = "{self.model.key()}"',
-            f'firmware = "{self.firmware}"',
-            f"id = {self.id}",
-            f"baud = {self.baud}",
-            "",
-            "[settings]  # raw values",
-        ]
-        for name, raw in self.values.items():
-            row = self.model.registers[name]
-            try:
-                shown = row.show(row.decode(raw))
-            except ValueError:
-                shown = "no known meaning"
-            lines.append(f"{f'{name} = {raw}':<42} # {shown}: {row.meaning}")
-        return "\n".join(lines) + "\n"
-
-    @classmethod
-    def parse(cls, text: str) -> "Backup":
-        """Read a backup file. Raises UsageError for anything that is not one."""
-        try:
-            data = tomllib.loads(text)
-            model = models.model(data["model"])
-            values = {name: int(raw) for name, raw in data["settings"].items()}
-            backup = cls(model, str(data["firmware"]), int(data["id"]), int(data["baud"]), values)
-        except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
-            raise UsageError(f"this is not a backup file: {error}") from None
-        for name, raw in values.items():
-            register = model.register(name)
-            if not register.accepts(raw):
-                raise UsageError(f"the backup is damaged: {register.name} = {raw} is not {register.range_text()}")
-        return backup
-
-
-def _settings(model: type[Model]) -> list[Register[Any]]:
-    """List what a backup holds: every register that can be written and survives power-off."""
-    return [row for row in model.registers.values() if row.area is Area.EEPROM and row.writable]
-
-
-def _identity_names(model: type[Model]) -> set[str]:
-    """Name the registers that say who a servo is rather than how it behaves."""
-    return {"id", model.aliases.get("baud", "baud")}
-
-
-def backup(target: Target, firmware: str, baud: int) -> Procedure[Backup]:
-    """Read all settings that survive power-off."""
-    rows = _settings(target.model)
-    values = yield from target.model.family.read_stored(target, rows)
-    return Backup(
-        target.model,
-        firmware,
-        target.id,
-        baud,
-        {row.name: raw for row, raw in zip(rows, values, strict=True)},
-    )
-
-
-def restore(target: Target, saved: Backup) -> Procedure[list[str]]:
-    """Write the settings that differ from the backup; id and speed stay as they are. Gives their names."""
-    if saved.model is not target.model:
-        raise UsageError(
-            f"the backup belongs to model {saved.model.title}, {target} is another model; nothing was written"
-        )
-    skip = _identity_names(target.model)
-    rows = [row for row in _settings(target.model) if row.name in saved.values and row.name not in skip]
-    present = yield from target.model.family.read_stored(target, rows)
-    changes = {
-        row: saved.values[row.name] for row, raw in zip(rows, present, strict=True) if raw != saved.values[row.name]
-    }
-    yield from target.model.family.store(target, changes)
-    after = yield from target.model.family.read_stored(target, list(changes))
-    wrong = [row.name for row, raw in zip(changes, after, strict=True) if raw != changes[row]]
-    if wrong:
-        raise BusError(f"{target} did not take {', '.join(wrong)}")
-    return [row.name for row in changes]

@@ -9,11 +9,12 @@ from enum import IntFlag
 from typing import Any, TypeVar
 
 from servobus import procedures
+from servobus.backup import Backup, backup, restore
 from servobus.errors import UsageError
 from servobus.exchange import Job, Procedure
 from servobus.families.base import Answers, Family, Model, Target
 from servobus.operation import Operation
-from servobus.procedures import Backup, Course, State
+from servobus.procedures import Course, State
 from servobus.registers import Register
 from servobus.units import Flags
 
@@ -180,15 +181,15 @@ class Servo:
     @Operation
     def backup(self) -> Procedure[Backup]:
         """Read all settings that survive power-off."""
-        return procedures.backup(self.target, self.firmware, self.baud)
+        return backup(self.target, self.firmware, self.baud)
 
     @Operation
-    def restore(self, backup: Backup) -> Procedure[list[str]]:
+    def restore(self, saved: Backup) -> Procedure[list[str]]:
         """Write the settings of a backup that differ; gives their names. Id and speed stay as they are.
 
         Raises UsageError for a backup of another model, before anything is written.
         """
-        return procedures.restore(self.target, backup)
+        return restore(self.target, saved)
 
     # Printing
 

@@ -21,7 +21,8 @@ from servobus import (
     herkulex,
     lewansoul,
 )
-from servobus.procedures import Backup, Progress
+from servobus.backup import Backup
+from servobus.procedures import Progress
 
 MIXED = "virtual:rx28@1-3,drs0602@219,lx16a@7,8?clock=virtual"
 

@@ -7,15 +7,16 @@ from typing import Any
 
 import click
 
-from servobus import FAMILIES, models
+from servobus import FAMILIES, MODELS, models
 from servobus.cli.options import as_json, verb
 from servobus.cli.output import print_json
 from servobus.errors import UsageError
-from servobus.families.base import Family
+from servobus.families.base import Family, Model
 from servobus.framing import Corrupt, Event, Noise, Packet
 
 ROW = 16
 """Bytes shown on one line."""
+INDENT = " " * 8
 
 
 @verb(
@@ -23,28 +24,41 @@ ROW = 16
     "servobus decode FF FF 01 04 02 24 02 D2",
     "servobus decode 55550103 1CDF 0x55 0x55",
     "servobus decode --family herkulex sniffed.txt",
+    "servobus decode --model rx28 sniffed.txt",
     "cat /tmp/capture.bin | servobus decode -",
 )
 @click.argument("source", metavar="HEX...|FILE|-", nargs=-1, required=True)
 @click.option("--family", metavar="FAMILY", help="dynamixel, herkulex or lewansoul; else what fits best.")
+@click.option("--model", metavar="MODEL", help="Whose registers; else those of the family's first model.")
 @as_json
-def decode(source: tuple[str, ...], family: str | None, json: bool) -> None:
+def decode(source: tuple[str, ...], family: str | None, model: str | None, json: bool) -> None:
     """Explain bytes packet by packet, with what is broken or junk between them.
 
     Bytes are hex digits, with or without spaces and 0x, or a file of hex digits or of the bytes themselves.
     """
     data = _bytes(source)
-    known = models.family(family) if family else guess(data)
-    entries = explain(known, data)
+    table = _model(data, family, model)
+    entries = explain(table, data)
     if json:
-        print_json({"family": known.name, "events": entries})
+        print_json(entries)
         return
-    click.echo(f"{known.title}, {len(data)} bytes")
+    click.echo(f"{table.family.title}, registers of {table.title}, {len(data)} bytes")
     for entry in entries:
-        raw = bytes.fromhex(entry["bytes"])
+        raw = bytes.fromhex(entry["hex"])
         for at in range(0, len(raw), ROW):
             click.echo(f"{entry['offset'] + at:6d}  {raw[at : at + ROW].hex(' ').upper()}")
-        click.echo(click.wrap_text(entry["text"], 78, " " * 8, " " * 8))
+        click.echo(click.wrap_text(entry["text"], 80, INDENT, INDENT))
+
+
+def _model(data: bytes, family: str | None, model: str | None) -> type[Model]:
+    """Find whose packets and registers these are, from what is said of them or from the bytes."""
+    if not model:
+        known = models.family(family) if family else guess(data)
+        return next(table for table in MODELS.values() if table.family.name == known.name)
+    table = models.model(model)
+    if family and models.family(family).name != table.family.name:
+        raise UsageError(f"{table.title} is of the family {table.family.name}, not {family}")
+    return table
 
 
 def guess(data: bytes) -> Family:
@@ -58,25 +72,37 @@ def guess(data: bytes) -> Family:
     return max(FAMILIES.values(), key=score)
 
 
-def explain(family: Family, data: bytes) -> list[dict[str, Any]]:
+def explain(model: type[Model], data: bytes) -> list[dict[str, Any]]:
     """Give one entry per packet, broken packet and run of junk, with its place in the bytes."""
+    family = model.family
     events = family.framing.decode(data)
     entries = []
     request: Packet | None = None
     for event, offset in zip(events, _offsets(events, family, len(data)), strict=True):
+        id = None
         if isinstance(event, Packet):
-            kind, text = "packet", family.explain(event, request)
-            size = family.framing.overhead + len(event.data)
-            raw = data[offset : offset + size]
-            # Whatever follows a packet to the same servo is taken for its answer; an answer is not answered.
-            request = None if request is not None and request.id == event.id else event
+            kind, id = "packet", event.id
+            raw = data[offset : offset + family.framing.overhead + len(event.data)]
+            text = family.explain(event, request, model)
+            # A packet that reads otherwise behind its request is the answer to it, and is not answered itself.
+            request = event if text == family.explain(event, None, model) else None
         elif isinstance(event, Corrupt):
-            kind, raw, request = "corrupt", event.raw, None
-            text = f"CHECKSUM WRONG: would be {family.explain(event.packet)}"
-        else:
-            kind, raw, request = "noise", event.raw, None
+            kind, id, raw = "corrupt", event.packet.id, event.raw
+            text = f"CHECKSUM WRONG: would be {family.explain(event.packet, request, model)}"
+            request = None
+        else:  # a line that changes its direction makes junk: what was asked before it can be answered behind it
+            kind, raw = "noise", event.raw
             text = f"JUNK: {len(raw)} bytes that are no packet" if len(raw) > 1 else "JUNK: a byte that is no packet"
-        entries.append({"offset": offset, "kind": kind, "bytes": raw.hex(" ").upper(), "text": text})
+        entries.append(
+            {
+                "offset": offset,
+                "hex": raw.hex(" ").upper(),
+                "kind": kind,
+                "family": family.name,
+                "id": id,
+                "text": text,
+            }
+        )
     return entries
 
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import click
 
 from servobus import Bus, BusServo, ServobusError
+from servobus.backup import Backup
 from servobus.cli.options import Where, find, on_servo, opened, verb
 from servobus.cli.output import note, text
 from servobus.errors import UsageError
-from servobus.procedures import Backup
 
 
 @verb(

@@ -236,8 +236,12 @@ class Family(ABC):
     # Explaining
 
     @abstractmethod
-    def explain(self, packet: Packet, request: Packet | None = None) -> str:
-        """Say in words what a packet asks, or what it answers if it follows `request`."""
+    def explain(self, packet: Packet, request: Packet | None = None, model: type[Model] | None = None) -> str:
+        """Say in words what a packet asks or answers.
+
+        `request` is the packet that came before it, unless that was an answer itself. `model` is whose table
+        gives the registers their names and units; without it they stay bytes at an address.
+        """
 
 
 def check_output(output: float) -> float:

@@ -10,6 +10,7 @@ from servobus.families.base import (
     Family,
     Identity,
     Leg,
+    Model,
     Stance,
     Target,
     adjacent,
@@ -17,10 +18,19 @@ from servobus.families.base import (
     cannot,
     check_output,
 )
+from servobus.families.words import addressed, id_list, servo, show_bytes, show_span, show_values
 from servobus.framing import Packet
 from servobus.protocols.dynamixel1 import (
+    ALARMS,
     FRAMING,
     RX_BUFFER,
+    Code,
+    Error,
+    Instruction,
+    ReadData,
+    RegWrite,
+    SyncWrite,
+    WriteData,
     parse_instruction,
     parse_status,
     ping,
@@ -29,8 +39,9 @@ from servobus.protocols.dynamixel1 import (
     sync_write,
     write_data,
 )
-from servobus.protocols.ids import check_id
+from servobus.protocols.ids import BROADCAST, check_id
 from servobus.registers import Address, Area, Register
+from servobus.units import Flags
 
 
 def _address(register: Register[Any]) -> int:
@@ -181,14 +192,16 @@ class Dynamixel1(Family):
         register = target.model.register("baud")
         yield from self.write(target, {register: register.encode(baud)})
 
-    def explain(self, packet: Packet, request: Packet | None = None) -> str:
-        """Say what a packet means. A packet that follows a request to the same id is its status packet."""
-        if request is None or request.id != packet.id:
+    def explain(self, packet: Packet, request: Packet | None = None, model: type[Model] | None = None) -> str:
+        """Say what a packet means: nothing in it tells an instruction from a status packet, only what came before."""
+        asked = _asked(packet, request)
+        if asked is None:
             try:
-                return str(parse_instruction(packet))
-            except ValueError:
-                pass  # no instruction: read it as a status packet
-        return str(parse_status(packet))
+                return _say_instruction(parse_instruction(packet), Code(packet.code), model)
+            except ValueError as error:
+                if packet.id == BROADCAST:
+                    return f"{error}, {addressed(packet.id)}"
+        return _say_status(packet, asked, model)
 
     def _write_raw_speed(self, target: Target, raw: int) -> Procedure[None]:
         address = _address(target.model.register("moving_speed"))
@@ -208,3 +221,44 @@ def _goal_and_speed(leg: Leg) -> bytes:
     raw = speed.scale.encode(leg.distance / leg.duration)
     # 0 would mean full speed; above 1023 there is nothing to ask for.
     return leg.goal.to_bytes(2, "little") + max(1, min(raw, 1023)).to_bytes(2, "little")
+
+
+def _asked(packet: Packet, request: Packet | None) -> Instruction | None:
+    """Give the instruction that a packet answers: the one before it, to the same id, if the length fits."""
+    if request is None or packet.id == BROADCAST or request.id != packet.id:
+        return None
+    if request.data and request == packet:
+        return None  # asked again: to be an answer, this would have to repeat address and length by chance
+    try:
+        asked = parse_instruction(request)
+    except ValueError:
+        return None
+    lengths = (asked.length, 0) if isinstance(asked, ReadData) else (0,)
+    return asked if len(packet.data) in lengths else None
+
+
+def _say_instruction(message: Instruction, code: Code, model: type[Model] | None) -> str:
+    head = f"{code.name} {addressed(message.id)}"
+    match message:
+        case ReadData(_, address, length):
+            return f"{head}: {show_span(model, address, length)}"
+        case WriteData(_, address, data) | RegWrite(_, address, data):
+            return f"{head}: {show_values(model, address, data)}"
+        case SyncWrite(address, _, parts):
+            each = "; ".join(f"{servo(id)}: {show_values(model, address, data)}" for id, data in parts)
+            return f"{head}, for {id_list(id for id, _ in parts)}: {each}"
+    return head
+
+
+def _say_status(packet: Packet, asked: Instruction | None, model: type[Model] | None) -> str:
+    status, errors = parse_status(packet), Flags(Error)
+    refusals, alarms = status.error & ~ALARMS, status.error & ALARMS
+    said = [f"refused, {errors.show(refusals)}"] if refusals else []
+    if alarms:
+        said.append(f"ALARM {errors.show(alarms)}")
+    text = f"status of {servo(status.id)}: {'; '.join(said) or 'ok'}"
+    if not status.data:
+        return text
+    if isinstance(asked, ReadData):
+        return f"{text}, {show_values(model, asked.address, status.data)}"
+    return f"{text}, {show_bytes(status.data)}"

@@ -5,15 +5,18 @@ from typing import Any
 
 from servobus.errors import BadValue, UsageError
 from servobus.exchange import Exchange, Pause, Procedure, ask, sent
-from servobus.families.base import Answers, Family, Identity, Leg, Stance, Target, cannot, check_output
+from servobus.families.base import Answers, Family, Identity, Leg, Model, Stance, Target, cannot, check_output
+from servobus.families.words import addressed, show_value
 from servobus.framing import Packet
 from servobus.protocols.ids import check_id
 from servobus.protocols.lewansoul import (
     BAUD,
     FRAMING,
     FULL_OUTPUT,
+    Answer,
     Command,
     Mode,
+    Request,
     angle_offset_write,
     id_write,
     length_of,
@@ -143,13 +146,18 @@ class Lewansoul(Family):
         yield from ()  # a procedure without steps
         raise cannot(target, f"talk at {baud} baud", f"its speed is fixed at {BAUD} (manual 2)")
 
-    def explain(self, packet: Packet, request: Packet | None = None) -> str:  # noqa: ARG002 - the length tells
+    def explain(
+        self,
+        packet: Packet,
+        request: Packet | None = None,  # noqa: ARG002 - the length tells questions from answers
+        model: type[Model] | None = None,
+    ) -> str:
         try:
-            return str(parse_request(packet))
+            return _say(parse_request(packet), model)
         except ValueError as error:
-            problem = f"{error}, id {packet.id}"
+            problem = f"{error}, {addressed(packet.id)}"
         try:
-            return str(parse_answer(packet))
+            return f"answer to {_say(parse_answer(packet), model)}"
         except ValueError:
             return problem
 
@@ -208,3 +216,21 @@ def _by_command(values: Mapping[Register[Any], int]) -> list[tuple[Command, dict
                 what = f"{register.model} {register.name}"
                 raise BadValue(f"{what} cannot be written alone: {command.name} would repeat the last move")
     return sorted(groups.items(), key=lambda item: item[0] is Command.SERVO_ID_WRITE)
+
+
+def _say(message: Request | Answer, model: type[Model] | None) -> str:
+    """Name the command and its values: as registers of the model, or as the protocol names its parameters."""
+    command = message.command
+    fields = command.params if isinstance(message, Request) else command.reply
+    rows = {
+        row.place.at: row
+        for row in (model.registers.values() if model else ())
+        if isinstance(row.place, Pair) and command in (row.place.write, row.place.read)
+    }
+    said = [
+        show_value(rows[at], value) if at in rows else f"{name} {value}"
+        for (name, _, at), value in zip(places_of(fields), message.values, strict=True)
+        if name != "null"
+    ]
+    head = f"{command.name} {addressed(message.id)}"
+    return f"{head}: {', '.join(said)}" if rows and said else ", ".join([head, *said])

@@ -13,16 +13,17 @@ from servobus.errors import PortError
 from servobus.transports.base import Transport
 
 LATENCY = 0.025
-"""Assumption: the usual USB adapter holds bytes back for up to 16 ms; the rest is the system's."""
+"""s; assumption: the usual USB adapter holds bytes back for up to 16 ms; the rest is the system's."""
+NETWORK_LATENCY = 0.1
+"""s; assumption: what a local network and the device at its other end may need."""
 
 
 class SerialPort(Transport):
     """A port that pyserial opens and configures. Opening sends nothing and leaves torque as it is."""
 
-    latency = LATENCY
-
     def __init__(self, name: str, baud: int) -> None:
         self.name, self.baud = name, baud
+        self.latency = NETWORK_LATENCY if "://" in name else LATENCY
         try:
             port = serial.serial_for_url(name, do_not_open=True)
             port.baudrate = baud

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from servobus.procedures import Backup
+from servobus import Backup
 from unit.cli.conftest import ALL, DRS, LX, RX, Run
 
 
