@@ -35,7 +35,7 @@ RETURN_SPEED = 60 * deg
 @verb(
     "step",
     "servobus step rx28 --to 90deg",
-    "servobus step drs0602 --to 45 --set position_kp=200 --load mass=0.5,length=0.1 --plot step.png",
+    "servobus step drs0602 --set position_kp=200 --load inertia=0.02 --plot a.png",
     "servobus step /dev/ttyUSB0 1 --to 90 --limits 60 120",
 )
 @click.argument("what", metavar="MODEL|PORT")

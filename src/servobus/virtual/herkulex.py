@@ -139,6 +139,10 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         shown = Led(self.get("led_control"))
         return "+".join(colour.name.lower() for colour in Led if colour & shown and colour.name) or "off"
 
+    @property
+    def trajectory(self) -> float | None:
+        return self._course.position if self._driven else None
+
     # Packets
 
     def hear(self, event: Packet | Corrupt, now: float) -> Replies:
