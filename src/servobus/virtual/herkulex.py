@@ -11,6 +11,7 @@ A loop of control measures, checks what may be wrong, moves the plan on and sets
 a JOG counts from the loop before it was heard. The laws of control are in servobus.virtual.control.herkulex.
 """
 
+import functools
 import math
 from collections.abc import Iterable
 
@@ -50,6 +51,8 @@ from servobus.virtual.memory import EEP, RAM
 from servobus.virtual.profile import Course, Profile, Ramp, StepCounter, StopDetection, ramp_time
 from servobus.virtual.servo import Replies, VirtualServo
 
+_parse = functools.lru_cache(maxsize=16)(parse_request)
+"""All servos of a line read the same packet: one with 53 JOGs is taken apart once, not once by each."""
 CLOCK = 2_000_000
 """bit/s = CLOCK / (code + 1): fits all codes of NO 5. 0x10 is really 117647, 0x22 really 57143 (within the 3 %)."""
 LOOPS = 4
@@ -151,7 +154,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
             self._fault(StatusError.INVALID_PACKET, StatusDetail.CHECKSUM_ERROR)
             return []
         try:
-            request = parse_request(event)
+            request = _parse(event)
         except UnknownCommandError:
             self._fault(StatusError.INVALID_PACKET, StatusDetail.UNKNOWN_COMMAND)
             return []
