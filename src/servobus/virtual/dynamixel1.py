@@ -30,11 +30,9 @@ from servobus.registers import Address, Register
 from servobus.virtual.control.dynamixel1 import (
     LEVELS,
     OVERLOAD_TIME,
+    Approach,
     arrived,
-    compliance,
     endless,
-    follow,
-    pursue,
     strained,
     width,
 )
@@ -132,7 +130,7 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
         """Position units per rad."""
         self._per_volt: float = 1 / self.row("present_voltage").decode(1)
         self._whole = TURN * self._units
-        self._set_point = 0.0
+        self._approach = Approach(self._measure)
         self._drives = self._moving = self._overloaded = False
         self._strained = self._stood = 0
         """Looks for which the load was too much; for which the shaft stood."""
@@ -356,38 +354,35 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
 
     def control(self, ticks: int) -> None:
         shaft, now = self.shaft, self._settings()
-        tick, approach = shaft.tick, self._approach
         while ticks > 0:
-            if self._drives:
-                settled = approach(shaft.position * self._units, now)
-            elif now.torque:
-                shaft.drive(endless(now.share, now.limit))
-                settled = True
+            count = ticks if ticks < self._until_look else self._until_look
+            if self._drives and not shaft.at_rest:
+                count = shaft.run(count, self._approach.output)
+            elif not (self._hold_on(now) and shaft.at_rest):
+                shaft.tick()
+                count = 1
             else:
-                shaft.release()
-                settled = True
-            # A shaft that stands, and an output that stays: then nothing happens until the next look.
-            count = 1
-            if settled and shaft.at_rest:
-                count = ticks if self._idle(now) else min(ticks, self._until_look)
-            tick(count)
+                # A shaft that stands, and an output that stays: then nothing happens until the next look.
+                if self._idle(now):
+                    count = ticks
+                shaft.tick(count)
             ticks -= count
             self._until_look -= count
             if self._until_look <= 0:
                 self._until_look = self._period - -self._until_look % self._period
                 now = self._look(now, self.started + (self._ticks - ticks) * self.tick)
 
-    def _approach(self, units: float, now: Settings) -> bool:
-        """Drive from a position towards the goal; tell whether the output stays if the shaft does."""
-        present, goal = self._measured(units), now.goal
-        margin, slope = now.cw if goal > present else now.ccw
-        output = compliance(goal - present, margin, slope, now.punch, now.limit)
-        self._set_point = set_point = follow(self._set_point, present, goal, now.step)
-        if set_point == goal:
-            self.shaft.drive(output)
-            return True
-        self.shaft.drive(pursue(set_point - present, output))
-        return False
+    def _hold_on(self, now: Settings) -> bool:
+        """Drive for the next tick; tell whether the output stays if the shaft does."""
+        shaft = self.shaft
+        if self._drives:
+            shaft.drive(self._approach.output(shaft.position))
+            return self._approach.settled
+        if now.torque:
+            shaft.drive(endless(now.share, now.limit))
+        else:
+            shaft.release()
+        return True
 
     def _look(self, now: Settings, time: float) -> Settings:
         """Look after the slow things at a time; give the settings after that."""
@@ -408,7 +403,7 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
         """Find out whether the goal has been reached."""
         if not self._drives:
             self._moving = False
-        elif self._moving and self._set_point == now.goal:
+        elif self._moving and self._approach.settled:
             error, standing = now.goal - self.present, self._stood * LOOK >= STILL
             self._moving = not arrived(error, *(now.cw if error > 0 else now.ccw), self.shaft.velocity, standing)
 
@@ -425,9 +420,11 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
         made_of = table[6:36], table[48:], self.slope_levels, self.sides_swapped
         if made_of != self._made_of:
             self._made_of, self._now = made_of, self._read_settings()
+            now = self._now
+            self._approach.tune(now.goal, now.step, now.cw, now.ccw, now.punch, now.limit)
             drove, self._drives = self._drives, self._now.torque and not self._now.endless
             if self._drives and not drove:
-                self._set_point = self.present
+                self._approach.set_point = self.present
         return self._now
 
     def _read_settings(self) -> Settings:
@@ -472,9 +469,10 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
 
         The 60° that the sensor does not cover read as the nearer end; a goal at that end counts as reached (D-63).
         """
-        return self._measured(self.shaft.position * self._units)
+        return self._measure(self.shaft.position)
 
-    def _measured(self, units: float) -> int:
+    def _measure(self, position: float) -> int:
+        units = position * self._units
         if not 0 <= units < FULL:
             units %= self._whole
             if units > FULL:

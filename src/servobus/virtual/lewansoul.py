@@ -37,7 +37,7 @@ from servobus.protocols.lewansoul import (
     parse_request,
 )
 from servobus.registers import Area, Pair, Register
-from servobus.virtual.control.lewansoul import GAINS, LOCKED_TIME, UNIT, hold, set_point, stands
+from servobus.virtual.control.lewansoul import GAINS, LOCKED_TIME, UNIT, Follower
 from servobus.virtual.servo import Replies, VirtualServo
 
 TURN = 2 * math.pi
@@ -71,12 +71,6 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
     side reads as the nearer end. Measured by users: the manual only says that readings may be negative."""
 
     _faults = Alarm(0)
-    _target: float | None = None
-    """Where on the shaft the goal is, rad; None while nothing holds the shaft there."""
-    _point = 0.0
-    """The set point, on its way there, rad."""
-    _speed = 0.0
-    """Of the set point on its way, rad/s."""
     _waiting = False
     """Whether a move of command 7 waits for command 11."""
     _late: tuple[int, int] | None = None
@@ -92,12 +86,10 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
             self._rows.setdefault(Command(row.place.read), []).append(row)
         self.id = self.get("id")
         self.baud = BAUD
-        self._target = self._late = None
+        self._late = None
         self._waiting = False
-        self._total = 0.0
-        self._last = self.shaft.position
-        self._count = self._owed = self._good = self._stuck = 0
-        self._stuck_at = self._last
+        self._follower = Follower(self.gains, self.tick, self.shaft.position)
+        self._count = self._owed = self._good = 0
         self._seen: tuple[float, float] | None = None
         self._calm: tuple[float, float, float] | None = None
         self._patience = round(LOCKED_TIME / self.tick)
@@ -112,7 +104,7 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         if not self.powered:
             return "off"
         on = self.get("led") == 0  # EL-09
-        if self._faults & self.get("led_error"):
+        if self.alarms & self.get("led_error"):
             on = self.time % FLASH < FLASH / 2  # L-74
         return "on" if on else "off"
 
@@ -221,10 +213,11 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         offset = max(low, min(offset, high))
         change = row.decode(offset - self.get("angle_offset"))
         self.memory[row] = offset
-        if self._target is not None:
-            if self._target == self._point:
-                self._point += change
-            self._target += change
+        follower = self._follower
+        if follower.target is not None:
+            if follower.target == follower.point:
+                follower.point += change
+            follower.target += change
 
     def _sense(self) -> None:
         """Bring the registers that are measured up to date."""
@@ -243,7 +236,7 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         if seen == self._seen and not self._good:
             return
         self._seen = seen
-        faults = self._faults & Alarm.LOCKED_ROTOR
+        faults = Alarm(0)
         if not self.get("min_voltage") <= self._millivolts <= self.get("max_voltage"):
             self._good = 0
             faults |= Alarm.OVER_VOLTAGE  # EL-11
@@ -261,18 +254,6 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
             self._faults = faults
             self._hold()
             self._look()
-
-    def _watch(self) -> None:
-        """See whether something holds the rotor against nearly all that the motor has."""
-        position = self.shaft.position
-        if stands(self.shaft.duty, position - self._stuck_at):
-            self._stuck += 1
-            if self._stuck == self._patience:
-                self._faults |= Alarm.LOCKED_ROTOR
-        else:
-            if self._stuck >= self._patience:
-                self._faults &= ~Alarm.LOCKED_ROTOR
-            self._stuck, self._stuck_at = 0, position
 
     def _look(self) -> None:
         """Look at the registers that say what the motor is for; every tick would be too often for Python."""
@@ -293,16 +274,19 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
 
     def control(self, ticks: int) -> None:
         while ticks:
+            count = LOOK - self._count
+            if ticks < count:
+                count = ticks
             if self._calm is not None and self._resting:
-                passed = min(ticks, LOOK - self._count % LOOK)
-                self._owed += passed
+                self._owed += count
             else:
-                passed = 1
-                self._pay()
-                self._run()
-            self._count += passed
-            ticks -= passed
-            if self._count % LOOK == 0:
+                if self._owed:
+                    self._pay()
+                count = self._run(count)
+            ticks -= count
+            self._count += count
+            if self._count == LOOK:
+                self._count = 0
                 self._pay()
                 self._look()
 
@@ -321,42 +305,38 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         if owed and self.shaft.at_rest:
             self.shaft.tick(owed)
 
-    def _run(self) -> None:
-        """Let one tick of the control loop pass."""
-        shaft = self.shaft
+    def _run(self, ticks: int) -> int:
+        """Let up to so many ticks of the control loop pass; give how many did."""
         self._protect()
-        before = shaft.duty, self._total, self._point
-        loaded, output = self._orders
-        position = shaft.position
-        if not loaded:
-            shaft.release()
-        elif self._target is None:
-            shaft.drive(output)
+        shaft, follower = self.shaft, self._follower
+        loaded, follower.fixed = self._orders
+        if loaded and not shaft.at_rest:
+            # What the protections look at does not change within a run; a voltage that is back is counted by ticks.
+            passed = shaft.run(1 if self._good else ticks, follower.output)
+            follower.watch(shaft.position)
+            self._calm = None
+            return passed
+        before = shaft.duty, follower.total, follower.point
+        if loaded:
+            shaft.drive(follower.output(shaft.position))
         else:
-            shaft.drive(self._follow(self._target, position))
-        self._last = position
+            shaft.release()
+            follower.release()
         shaft.tick()
-        self._watch()
-        calm = shaft.at_rest and before == (shaft.duty, self._total, self._point)
-        pending = self._good or 0 < self._stuck < self._patience
+        follower.watch(shaft.position)
+        calm = shaft.at_rest and before == (shaft.duty, follower.total, follower.point)
+        pending = self._good or 0 < follower.stuck < self._patience
         self._calm = self._scene() if calm and not pending else None
-
-    def _follow(self, target: float, position: float) -> float:
-        """Move the set point towards the goal, and give the output that takes the shaft along."""
-        now = self._point
-        self._point = set_point(now, target, self._speed, self.tick)
-        wanted, measured = (self._point - now) / self.tick, (position - self._last) / self.tick
-        output, self._total = hold(self.gains, now - position, wanted, measured, self._total, self.tick)
-        return output
+        return 1
 
     @property
     def torque(self) -> bool:
-        return self.get("torque_enable") == 1 and not self._faults & ~Alarm.LOCKED_ROTOR
+        return self.get("torque_enable") == 1 and not self._faults
 
     @property
     def alarms(self) -> Alarm:
         """What is wrong, whether the light tells it or not."""
-        return self._faults
+        return self._faults | Alarm.LOCKED_ROTOR if self._follower.stuck >= self._patience else self._faults
 
     @property
     def turning(self) -> bool:
@@ -384,39 +364,41 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
 
     def _move(self, goal: int, time: int) -> None:
         """Begin a move, or keep it until the torque comes on."""
+        follower = self._follower
         if self.turning:
             return  # L-64
         if self.move_loads:
             self.put("torque_enable", 1)
-        if self._target is None:
+        if follower.target is None:
             self._late = goal, time
             return
         goal = max(self.get("min_position"), min(goal, self.get("max_position")))  # L-31
         wanted: float = self.row("goal_position").decode(goal + self.get("angle_offset"))
         distance = wanted - self._angle
-        self._target = self.shaft.position + distance
+        follower.target = self.shaft.position + distance
         if time:
-            self._point = self.shaft.position  # L-30
-            self._speed = abs(distance) / (time * MILLISECOND)
+            follower.point = self.shaft.position  # L-30
+            follower.speed = abs(distance) / (time * MILLISECOND)
         else:
-            self._point = self._target  # L-32
+            follower.point = follower.target  # L-32
 
     def _stop(self) -> None:
         """End a move where the shaft is (L-28), and forget one that has not begun."""
-        self._late = None
-        if self._target is None:
+        follower, self._late = self._follower, None
+        if follower.target is None:
             return
         here = self.shaft.position
-        if self._target != self._point or abs(self._target - here) > UNIT:  # L-29: a servo at its goal stays there
-            self._target = self._point = here
+        # L-29: a servo at its goal stays there.
+        if follower.target != follower.point or abs(follower.target - here) > UNIT:
+            follower.target = follower.point = here
 
     def _hold(self) -> None:
         """Let go of the shaft when the torque goes off; take hold of it where it is when it comes on (L-70)."""
+        follower = self._follower
         if not self.torque or self.turning:
-            self._target = None
-        elif self._target is None:
-            self._target = self._point = self._last = self.shaft.position
-            self._total = 0.0
+            follower.target = None
+        elif follower.target is None:
+            follower.take_hold(self.shaft.position)
             if self._late is not None:  # L-69
                 late, self._late = self._late, None
                 self._move(*late)

@@ -4,6 +4,8 @@ The firmware says once a tick what the bridge does; `tick` lets the motor answer
 `servobus.virtual.motor`; here is only what makes one servo of it.
 """
 
+from collections.abc import Callable
+
 from servobus.virtual.motor import CLOSED, NOTHING, OPEN, REFERENCE, Load, MotorParams, MotorState, prepare, step, warm
 
 HEAT_TIME = 0.1
@@ -81,8 +83,9 @@ class Shaft:
         self._conductance = self._fed = 0.0
         self._still_at = 0.0
         """V under which it came to rest."""
-        self._unheated = 0.0
-        """s since the temperatures were looked at."""
+        self._unheated = 0
+        """Ticks since the temperatures were looked at."""
+        self._heat_ticks = round(HEAT_TIME / tick)
         self.rail = rail
         rail.connect()
         self._prepare()
@@ -160,19 +163,39 @@ class Shaft:
     def tick(self, ticks: int = 1) -> None:
         """Let ticks of the control loop pass, during which the bridge does the same."""
         state, plan, rail = self.state, self._plan, self.rail
+        self._still = False
         for _ in range(ticks):
             before = state.position
             step(plan, state, self.duty, rail.voltage, self.closed)
             if state.velocity == 0 and state.position == before:
                 self._rest(ticks)
                 break
-        self._draw()
-        self._unheated += ticks * self.tick_time
-        if self._unheated >= HEAT_TIME:
-            warm(self.motor, state, self.ambient, self._unheated)
-            self._unheated = 0.0
-            if abs(state.winding - self._prepared_at) > WARMER:
-                self._prepare()
+        self._pass(ticks)
+
+    def run(self, ticks: int, law: Callable[[float], float]) -> int:
+        """Let up to so many ticks pass, each driven at law(position), and give how many did.
+
+        It ends before what a law does not look at may change: when the shaft comes to rest, when the temperatures are
+        looked at, and after every tick at a supply that gives way.
+        """
+        if self.rail.resistance:
+            ticks = 1
+        elif ticks > self._heat_ticks - self._unheated:
+            ticks = self._heat_ticks - self._unheated
+        state, plan, voltage = self.state, self._plan, self.rail.voltage
+        self._still = False
+        passed, duty, position = 0, self.duty, state.position
+        while passed < ticks:
+            passed += 1
+            before, duty = position, law(position + state.play)
+            step(plan, state, duty, voltage)
+            position = state.position
+            if position == before and state.velocity == 0:
+                self._rest(1)
+                break
+        self.duty, self.closed = duty, CLOSED
+        self._pass(passed)
+        return passed
 
     def rest(self) -> None:
         """Cut the power: no current, and whatever moved is taken to have come to rest."""
@@ -181,6 +204,18 @@ class Shaft:
         self._draw()
 
     # Inside
+
+    def _pass(self, ticks: int) -> None:
+        """Look after what is slow: supply and temperatures."""
+        if self.rail.resistance:
+            self._draw()
+        self._unheated += ticks
+        if self._unheated >= self._heat_ticks:
+            state = self.state
+            warm(self.motor, state, self.ambient, self._unheated * self.tick_time)
+            self._unheated = 0
+            if abs(state.winding - self._prepared_at) > WARMER:
+                self._prepare()
 
     def _rest(self, ticks: int) -> None:
         """Standing still, only heat goes on."""

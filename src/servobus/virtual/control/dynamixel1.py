@@ -9,7 +9,8 @@ Section numbers are those of the RX-28 user's manual. It draws the output over t
 gives, but not how the speed is kept: that part is an assumption.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from typing import Final
 
 LEVELS: Final = ((5, 4), (11, 8), (23, 16), (47, 32), (95, 64), (191, 128), (254, 254))
@@ -42,11 +43,12 @@ def compliance(error: float, margin: float, slope: float, punch: float, limit: f
 
     The limit cuts the curve; it does not scale it (assumption: 3-4-1 calls it a restraint).
     """
-    outside = abs(error) - margin
+    outside = (error if error > 0 else -error) - margin
     if outside <= 0:
         return 0.0
     share = punch + (1 - punch) * outside / slope if outside < slope else 1.0
-    share = min(share, limit)
+    if share > limit:
+        share = limit
     return share if error > 0 else -share
 
 
@@ -68,8 +70,39 @@ def pursue(lead: float, ceiling: float) -> float:
     3-4-2 has the appropriate torque for the set speed up to the slope, and the curve of compliance there. So the
     output is in proportion to the lead, and never above the curve: a shaft that hangs back gets all there is.
     """
-    most, output = abs(ceiling), lead / SPAN
+    most, output = ceiling if ceiling > 0 else -ceiling, lead / SPAN
     return output if -most <= output <= most else most if output > 0 else -most
+
+
+class Approach:
+    """The way to the goal, tick by tick: the three above, with what stays the same from tick to tick."""
+
+    __slots__ = ("ccw", "cw", "goal", "limit", "measure", "punch", "set_point", "step")
+
+    def __init__(self, measure: Callable[[float], int]) -> None:
+        """Take what measures the shaft: position in rad -> units."""
+        self.measure = measure
+        self.set_point = 0.0
+        self.tune(0, math.inf, (0, 1), (0, 1), 0.0, 0.0)
+
+    def tune(
+        self, goal: int, step: float, cw: tuple[int, int], ccw: tuple[int, int], punch: float, limit: float
+    ) -> None:
+        """Take over what the registers say; cw and ccw are margin and slope on these sides of the goal."""
+        self.goal, self.step, self.cw, self.ccw, self.punch, self.limit = goal, step, cw, ccw, punch, limit
+
+    def output(self, position: float) -> float:
+        """Give the output for a shaft at a position in rad, and move the set point on."""
+        present, goal = self.measure(position), self.goal
+        margin, slope = self.cw if goal > present else self.ccw
+        ceiling = compliance(goal - present, margin, slope, self.punch, self.limit)
+        self.set_point = set_point = follow(self.set_point, present, goal, self.step)
+        return ceiling if set_point == goal else pursue(set_point - present, ceiling)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the output stays if the shaft does."""
+        return self.set_point == self.goal
 
 
 def endless(share: float, limit: float) -> float:
