@@ -355,7 +355,7 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
     def control(self, ticks: int) -> None:
         shaft, now = self.shaft, self._settings()
         while ticks > 0:
-            count = ticks if ticks < self._until_look else self._until_look
+            count = min(self._until_look, ticks)
             if self._drives and not shaft.at_rest:
                 count = shaft.run(count, self._approach.output)
             elif not (self._hold_on(now) and shaft.at_rest):

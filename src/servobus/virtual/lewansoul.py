@@ -275,8 +275,7 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
     def control(self, ticks: int) -> None:
         while ticks:
             count = LOOK - self._count
-            if ticks < count:
-                count = ticks
+            count = min(count, ticks)
             if self._calm is not None and self._resting:
                 self._owed += count
             else:

@@ -47,8 +47,7 @@ def compliance(error: float, margin: float, slope: float, punch: float, limit: f
     if outside <= 0:
         return 0.0
     share = punch + (1 - punch) * outside / slope if outside < slope else 1.0
-    if share > limit:
-        share = limit
+    share = min(share, limit)
     return share if error > 0 else -share
 
 
