@@ -2,7 +2,9 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+CORE := $(VENV)/.core
 READY := $(VENV)/.ready
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test check format docs bench clean
@@ -10,18 +12,23 @@ READY := $(VENV)/.ready
 help:  ## show this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
 
-$(READY): pyproject.toml
+$(CORE): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "servobus needs Python 3.11 or later; say which with: make PYTHON=python3.12 ..."; exit 1; }
-	@echo "setting up $(VENV) (once, about a minute)"
+	@echo "setting up $(VENV) (once)"
 	@$(PYTHON) -m venv $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade "pip>=25.1"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable . --group dev --group clients
+	@$(PIP) --upgrade "pip>=25.1"
+	@$(PIP) --editable .
+	@touch $(CORE)
+
+$(READY): $(CORE)
+	@echo "adding what tests and checks need (once, about a minute)"
+	@$(PIP) --group dev --group clients
 	@touch $(READY)
 
 setup: $(READY)  ## make the environment in .venv
 
-demo: $(READY)  ## find, read and move virtual servos of three families
+demo: $(CORE)  ## find, read and move virtual servos of three families
 	@$(BIN)/servobus demo
 
 test: $(READY)  ## run the tests

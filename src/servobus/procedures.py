@@ -300,36 +300,49 @@ def change_id(target: Target, id: int) -> Procedure[None]:
     yield from ask(family.ping(id))
 
 
-def reset(target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+def reset(target: Target, baud: int, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
     """Restore factory settings; gives the id and speed the servo has then.
 
     Raises UsageError if another servo has the factory id: nothing but unplugging one would tell the two apart.
     """
     family = target.model.family
     factory = target.model.register("id").default
-    moves = "id" not in keep and factory is not None and factory != target.id
-    if moves and factory is not None and (yield from _answers(family, factory)):
+    id = target.id if "id" in keep or factory is None else factory
+    speed = baud if "baud" in keep else family.default_baud
+    if (id, speed) != (target.id, baud) and (yield from _answers(family, id, speed, baud)):
         raise UsageError(
-            f"{target} would get the factory id {factory}, and another servo answers to that already: "
+            f"{target} would get id {id} at {speed} baud, and another servo answers to that already: "
             "give that one another id first, or connect this one alone"
         )
     return (yield from family.reset(target, keep))
 
 
-def _answers(family: Family, id: int) -> Procedure[bool]:
-    """Tell whether anybody answers to an id, however badly."""
+def _answers(family: Family, id: int, baud: int | None = None, back: int | None = None) -> Procedure[bool]:
+    """Tell whether anybody answers to an id, however badly; at another speed if need be, and then back."""
+    if baud is not None:
+        yield SetBaud(baud)
+        yield Pause(QUIET)
     try:
         yield from ask(family.ping(id))
     except NoReply:
         return False
     except BusError:
         return True
+    finally:
+        if back is not None:
+            yield SetBaud(back)
+            yield Pause(QUIET)
     return True
 
 
 def change_baud(target: Target, old: int, new: int) -> Procedure[None]:
-    """Set a servo to another speed and check that it answers there; the bus follows it."""
+    """Set a servo to another speed and check that it answers there; the bus follows it.
+
+    Raises UsageError if another servo with its id is there already: nobody could tell the two apart.
+    """
     family = target.model.family
+    if new != old and (yield from _answers(family, target.id, new, old)):
+        raise UsageError(f"another servo answers to id {target.id} at {new} baud: give one of them another id first")
     yield from family.set_baud(target, new)
     yield SetBaud(new)
     try:

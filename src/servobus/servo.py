@@ -162,7 +162,7 @@ class Servo:
 
         Raises UsageError if another servo has the factory id that this one would get.
         """
-        id, self.baud = yield from procedures.reset(self.target, keep)
+        id, self.baud = yield from procedures.reset(self.target, self.baud, keep)
         yield from self._meet_again(id)
 
     @Operation
@@ -216,6 +216,11 @@ class Servo:
         self.target = Target(id, self.model, identity.answers)
 
     def _own(self, register: Register[T]) -> Register[T]:
+        if not isinstance(register, Register):
+            name = self.model.register(str(register)).name
+            raise UsageError(
+                f"{register!r} is a name: write {self.model.__name__}.{name} (or servo.model.register(name))"
+            )
         if self.model.registers.get(register.name) is not register:
             raise UsageError(f"{register.model} {register.name} is not a register of {self.model.title}")
         return register

@@ -293,3 +293,39 @@ def test_native_operations_are_values_too() -> None:
         assert bus.do(herkulex.stat(219)).status_error == herkulex.StatusError(0)
     with servobus.open("virtual:lx16a@1?clock=virtual") as bus:
         assert bus.do(lewansoul.query(1, lewansoul.Command.SERVO_ID_READ)) == (1,)
+
+
+def test_a_speed_where_the_id_is_taken_is_refused() -> None:
+    with servobus.open("virtual:rx28@1,2?clock=virtual") as bus:
+        one, two = bus.scan(family="dynamixel", ids=[1, 2])
+        two.change_baud(1_000_000)
+        two.change_id(1)  # not the same speed: nobody is in the way
+        with pytest.raises(UsageError, match="another servo answers to id 1 at 57600"):
+            two.change_baud(57_600)
+        two.ping()
+        one.ping()
+
+
+def test_a_reset_that_would_make_twins_is_refused() -> None:
+    with servobus.open("virtual:rx28@1,2?clock=virtual") as bus:
+        one, two = bus.scan(family="dynamixel", ids=[1, 2])
+        two.change_baud(1_000_000)
+        with pytest.raises(UsageError, match="would get id 1 at 57600 baud"):
+            two.reset()
+        two.ping()
+        one.ping()
+
+
+def test_position_mode_sets_limits_that_are_given() -> None:
+    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
+        servo = bus.find(1, family="dynamixel")
+        servo.position_mode((20 * deg, 120 * deg))
+        with servo.torque(), pytest.raises(BadValue, match="outside the limits set in it"):
+            servo.move(10 * deg)
+
+
+def test_a_name_instead_of_a_register_is_told_how() -> None:
+    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
+        servo = bus.find(1, family="dynamixel")
+        with pytest.raises(UsageError, match=r"write RX28\.present_position"):
+            servo.read("present_position")  # type: ignore[arg-type] # what a newcomer tries

@@ -14,6 +14,8 @@ from servobus.units import show
 
 WIDEST = 16
 """Columns that a value may take before its register's meaning makes room for it."""
+ROOMY = 110
+"""Columns from which on the meaning of a register is shown too."""
 
 
 @verb("info", "servobus info /dev/ttyUSB0 1", "servobus info virtual:lx16a@1 1 --json")
@@ -42,7 +44,8 @@ def info(port: str, id: int, where: Where, json: bool) -> None:
     for row, value in values.items():
         style = "dim" if row.access is Access.READ else None
         first, *rest = textwrap.wrap(value, max(out.width - name_width - 3, WIDEST))
-        meaning = f"  {row.meaning}" if len(first) <= value_width else ""
+        # A narrow terminal has no room for it; `servobus registers` tells.
+        meaning = f"  {row.meaning}" if len(first) <= value_width and out.width >= ROOMY else ""
         line = f"{row.name:<{name_width}}  {first:<{value_width}}{meaning}"
         # One line for each register; `servobus registers` has room for all of the meaning.
         out.print(line, style=style, markup=False, no_wrap=True, overflow="ellipsis")

@@ -207,8 +207,13 @@ def find(bus: Bus, where: Where, id: int) -> BusServo:
 
 
 def find_all(bus: Bus, where: Where, ids: Sequence[int]) -> list[BusServo]:
-    """Find several servos."""
-    return [find(bus, where, id) for id in ids]
+    """Find several servos: in one sweep over the ids, then once more for each that is missing."""
+    found: dict[int, BusServo] = {}
+    for family, bauds in where.rounds():
+        missing = [id for id in ids if id not in found]
+        if missing:
+            found.update((servo.id, servo) for servo in bus.scan(family=family, bauds=bauds, ids=missing))
+    return [found.get(id) or find(bus, where, id) for id in ids]
 
 
 @contextlib.contextmanager

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     import rich.progress
 
 
+SHOWN = 2
+"""Unclear answers that are told one by one."""
+
+
 @verb(
     "scan",
     "servobus scan /dev/ttyUSB0",
@@ -50,13 +54,22 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
             survey = bus.do(scan_procedure([family], bauds, wanted, watch))
             found += survey.found
             troubles += survey.troubles
-    for trouble in troubles:
-        note(f"servobus: {trouble}")
+    _tell(troubles, found)
     if json:
         print_json([_entry(one) for one in found])
     elif not found:
         hint = "are they powered?" if where.baud == "all" else "are they powered? `--baud all` tries every speed"
         note(f"no servo answers (asked ids {ids}: {where}); {hint}")
+
+
+def _tell(troubles: list[Trouble], found: list[Found]) -> None:
+    """Tell of answers that made no sense; of many, once: they have one cause more often than many."""
+    for trouble in troubles[:SHOWN]:
+        note(f"servobus: {trouble}")
+    more = len(troubles) - SHOWN
+    if more > 0:
+        cause = " servos of another family or speed that heard what was not meant for them?" if found else ""
+        note(f"servobus: and {more} more unclear answers;{cause} `--family` asks one family alone")
 
 
 def _entry(found: Found) -> dict[str, object]:

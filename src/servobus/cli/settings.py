@@ -64,7 +64,7 @@ def write_backup(saved: Backup, path: Path, *, force: bool = False) -> None:
         with path.open("w" if force else "x", encoding="utf-8") as file:
             file.write(saved.text())
     except FileExistsError:
-        raise UsageError(f"{path} exists; choose another name, or replace it with --force") from None
+        raise UsageError(f"{path} exists already and is not replaced; choose another name") from None
 
 
 def read_backup(path: Path) -> Backup:

@@ -36,7 +36,8 @@ Ids = tuple[int | Literal["all"], ...]
 def stop(port: str, where: Where, ids: Ids) -> None:
     """Stop servos on PORT where they are. Their torque stays on.
 
-    `all` looks for every servo and stops each as soon as it is found, which takes seconds.
+    `all` looks for every servo and stops each as soon as it is found, which takes up to half a minute;
+    `servobus torque PORT all off` takes the power at once.
     """
     failed: list[str] = []
 

@@ -73,10 +73,16 @@ def _check(servo: BusServo, low: float, high: float) -> None:
 def _turn(bus: Bus, servo: BusServo, output: float | None, speed: float | None) -> None:
     stance = bus.do(servo.family.stance(servo.target), baud=servo.baud)
     try:
-        # First the mode and the speed, then the torque: a refusal leaves the servo as it was.
-        servo.turn(speed=speed, output=output)
         if not stance.torque:
+            # A HerkuleX takes a speed only while it is driven, so the torque comes first, and holds where it is.
             servo.torque_on()
+        try:
+            servo.turn(speed=speed, output=output)
+        except ServobusError:
+            if not stance.torque:
+                servo.torque_off()  # leave it as it was
+            raise
+        if not stance.torque:
             note(f"torque switched on: id {servo.id}")
     except KeyboardInterrupt:
         try:

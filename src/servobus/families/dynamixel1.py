@@ -164,10 +164,11 @@ class Dynamixel1(Family):
     def position_mode(self, target: Target, limits: tuple[int, int] | None) -> Procedure[None]:
         model = target.model
         stance = yield from self.stance(target)
-        if not stance.turning:
+        if not stance.turning and limits is None:
             return
         low, high = limits or (0, 1023)
-        yield from self._write_raw_speed(target, 0)
+        if stance.turning:
+            yield from self._write_raw_speed(target, 0)
         yield from self.write(target, {model.register("cw_angle_limit"): low, model.register("ccw_angle_limit"): high})
 
     def led(self, target: Target, colour: str) -> Procedure[None]:
