@@ -215,12 +215,10 @@ class Servo:
         identity = yield from procedures.identify_at(self.family, id, self.baud)
         self.target = Target(id, self.model, identity.answers)
 
-    def _own(self, register: Register[T]) -> Register[T]:
-        if not isinstance(register, Register):
-            name = self.model.register(str(register)).name
-            raise UsageError(
-                f"{register!r} is a name: write {self.model.__name__}.{name} (or servo.model.register(name))"
-            )
+    def _own(self, register: Register[T] | str) -> Register[T]:
+        if isinstance(register, str):
+            row = self.model.register(register)
+            raise UsageError(f"{register!r} is a name: write {self.model.__name__}.{row.name}, the register itself")
         if self.model.registers.get(register.name) is not register:
             raise UsageError(f"{register.model} {register.name} is not a register of {self.model.title}")
         return register
