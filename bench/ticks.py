@@ -55,6 +55,7 @@ def _run(key: str, count: int, seconds: float, *, moving: bool) -> tuple[float, 
                 goal = ends[beat % 2]
                 bus.do(model.family.launch([Leg(servo.target, goal, 2 * SWING, BEAT) for servo in servos]))
             port.sleep(max(0.0, begin + (beat + 1) * BEAT - port.now()))
+            assert len(port.servos) == count  # to look at them brings them up to date
             spent += time.process_time() - start
             beat += 1
         tick = port.servos[0].tick

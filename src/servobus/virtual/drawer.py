@@ -86,10 +86,15 @@ class Drawer:
             return event
         return max(event, min(event + grain, arrival))
 
-    def advance(self, now: float) -> None:
-        """Bring everything, every servo included, up to now."""
+    def run(self, now: float) -> None:
+        """Let everything on the wires happen up to now; servos live on when they are spoken to or looked at."""
         for line in self.lines:
             line.run(now)
+
+    def advance(self, now: float) -> None:
+        """Bring everything, every servo included, up to now."""
+        self.run(now)
+        for line in self.lines:
             for servo in line.servos:
                 servo.advance(now)
 

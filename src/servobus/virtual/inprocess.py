@@ -70,7 +70,7 @@ class VirtualPort(Transport):
 
     def sleep(self, seconds: float) -> None:
         if seconds > 0:
-            self.drawer.advance(self._wait_until(self.now() + seconds))
+            self.drawer.run(self._wait_until(self.now() + seconds))
 
     def _wait_until(self, moment: float) -> float:
         if self._real:
