@@ -7,6 +7,7 @@ Both are context managers that `serve` one drawer in real time until they are to
 """
 
 import errno
+import itertools
 import os
 import select
 import socket
@@ -30,8 +31,10 @@ if sys.platform != "win32":
 
 GRAIN = 200e-6
 """s; bytes that are due within this time of each other go out in one piece."""
-PATIENCE = 0.05
-"""s after which a request to stop is noticed at the latest."""
+PULSE = 0.02
+"""s after which a request to stop is noticed, and resting servos are looked after, at the latest."""
+SPARE = 0.0005
+"""s that looking after servos may take at once: a request that comes meanwhile waits no longer."""
 LOOKOUT = 0.005
 """s between two looks whether somebody has opened the pseudo terminal."""
 CHUNK = 4096
@@ -45,6 +48,7 @@ class Port(ABC):
     def __init__(self, drawer: Drawer) -> None:
         self.drawer = drawer
         self._stack = ExitStack()
+        self._turns = itertools.cycle(drawer.servos)
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
@@ -63,10 +67,19 @@ class Port(ABC):
             if replies := self.drawer.receive(now):
                 self._send(replies)
             look = self.drawer.next_look(GRAIN)
-            wait = PATIENCE if look is None else max(look - now, 0)
-            if data := self._wait(min(wait, PATIENCE)):
+            if data := self._wait(PULSE if look is None else min(max(look - now, 0), PULSE)):
                 self.drawer.client_baud = self._baud()
                 self.drawer.send(data, time.monotonic() - started)
+            elif look is None:
+                self._keep_up(time.monotonic() - started)
+
+    def _keep_up(self, now: float) -> None:
+        """While nothing is on the wire, let servos live up to now: who is asked next need not catch up first."""
+        end = time.monotonic() + SPARE
+        for servo in itertools.islice(self._turns, len(self.drawer.servos)):
+            servo.advance(now)
+            if time.monotonic() > end:
+                break
 
     @abstractmethod
     def _open(self, stack: ExitStack) -> None:
