@@ -7,6 +7,7 @@ notes in docs/decisions.md.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from servobus.families.base import Answers
 from servobus.families.dynamixel1 import Dynamixel1
@@ -45,6 +46,9 @@ FULL = 1023
 OPEN = range(24, 36)
 """Addresses that can be written while Lock is on (3-4-2 Lock)."""
 OK = Error(0)
+
+_parse = lru_cache(maxsize=16)(parse_instruction)
+"""All servos of a line hear the same SYNC_WRITE."""
 
 FLICKER = 0.5
 """s; assumption: one on and off of a light that flickers."""
@@ -193,7 +197,7 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
     def _obey(self, packet: Packet) -> tuple[Error, bytes]:
         """Carry out an instruction; give what went wrong, and the data to answer."""
         try:
-            instruction = parse_instruction(packet)
+            instruction = _parse(packet)
         except ValueError:
             return Error.INSTRUCTION, b""
         match instruction:
@@ -355,7 +359,7 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
     def control(self, ticks: int) -> None:
         shaft, now = self.shaft, self._settings()
         while ticks > 0:
-            count = min(self._until_look, ticks)
+            count = min(ticks, self._until_look)
             if self._drives and not shaft.at_rest:
                 count = shaft.run(count, self._approach.output)
             elif not (self._hold_on(now) and shaft.at_rest):

@@ -20,6 +20,7 @@ assumption:
 """
 
 import math
+from functools import lru_cache
 from typing import Any
 
 from servobus.families.lewansoul import Lewansoul
@@ -50,6 +51,10 @@ BACK_TIME = 0.1
 """s that the voltage has to be good again; assumption."""
 LOOK = 50
 """Ticks between two looks at a servo that stands, and at what no packet has changed; its heat flows no more often."""
+
+
+_parse = lru_cache(maxsize=16)(parse_request)
+"""All servos of a line hear the same broadcast."""
 
 
 class LewansoulServo(VirtualServo, family=Lewansoul):
@@ -114,7 +119,7 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         if isinstance(event, Corrupt):
             return []  # L-10
         try:
-            request = parse_request(event)
+            request = _parse(event)
         except ValueError:
             return []  # L-10
         command = request.command
@@ -274,8 +279,7 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
 
     def control(self, ticks: int) -> None:
         while ticks:
-            count = LOOK - self._count
-            count = min(count, ticks)
+            count = min(ticks, LOOK - self._count)
             if self._calm is not None and self._resting:
                 self._owed += count
             else:

@@ -46,8 +46,7 @@ def compliance(error: float, margin: float, slope: float, punch: float, limit: f
     outside = (error if error > 0 else -error) - margin
     if outside <= 0:
         return 0.0
-    share = punch + (1 - punch) * outside / slope if outside < slope else 1.0
-    share = min(share, limit)
+    share = min(punch + (1 - punch) * outside / slope, limit) if outside < slope else limit
     return share if error > 0 else -share
 
 
