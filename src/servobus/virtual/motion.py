@@ -6,7 +6,19 @@ The firmware says once a tick what the bridge does; `tick` lets the motor answer
 
 from collections.abc import Callable
 
-from servobus.virtual.motor import CLOSED, NOTHING, OPEN, REFERENCE, Load, MotorParams, MotorState, prepare, step, warm
+from servobus.virtual.motor import (
+    CLOSED,
+    NOTHING,
+    OPEN,
+    REFERENCE,
+    Load,
+    MotorParams,
+    MotorState,
+    line_voltage,
+    prepare,
+    step,
+    warm,
+)
 
 HEAT_TIME = 0.1
 """s between two looks at the temperatures; the fastest of them changes within seconds."""
@@ -64,9 +76,7 @@ class Rail:
             self._settle()
 
     def _settle(self) -> None:
-        fed = self._fed - self._standby
-        voltage = (self._source + self._resistance * fed) / (1 + self._resistance * self._conductance)
-        self.voltage = max(0.0, min(voltage, self._source))
+        self.voltage = line_voltage(self._source, self._resistance, self._conductance, self._fed - self._standby)
 
 
 class Shaft:

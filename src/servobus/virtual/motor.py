@@ -280,6 +280,14 @@ def warm(params: MotorParams, state: MotorState, ambient: float, dt: float) -> N
 # Supply
 
 
+def line_voltage(source: float, resistance: float, conductance: float, fed: float) -> float:
+    """Give the voltage in V on a line: sums over its motors of duty²/resistance (1/ohm) and of what they feed back (A).
+
+    Never negative, and never above the source's.
+    """
+    return max(0.0, min((source + resistance * fed) / (1 + resistance * conductance), source))
+
+
 @dataclass(frozen=True, slots=True)
 class Supply:
     """A battery or power supply that all servos of a line share."""
@@ -299,8 +307,7 @@ class Supply:
             share = duty / resistance
             conductance += share * duty
             fed += share * emf
-        voltage = (self.source + self.resistance * fed) / (1 + self.resistance * conductance)
-        return max(0.0, min(voltage, self.source))
+        return line_voltage(self.source, self.resistance, conductance, fed)
 
 
 # Steady state: the line on the motor's data sheet
