@@ -24,10 +24,6 @@ S = TypeVar("S", bound=Servo)
 BITS_PER_BYTE = 10
 """Start bit, eight data bits, stop bit: 8N1, as all three families use."""
 
-QUIET = 0.21
-"""Seconds after a change of speed in which servos forget what they heard at the old one and took for the start of
-a packet, at the latest (HerkuleX, Packet Garbage Check Period: 201.6 ms)."""
-
 
 class Driver(ABC, Generic[S]):
     """A port, and the servos known on it.
@@ -121,7 +117,8 @@ class Driver(ABC, Generic[S]):
         id. What answered without making sense is in `survey.troubles` afterwards.
         """
         self.survey = yield from procedures.scan(self._families(family), self._speeds(bauds), ids, watch)
-        return [servo for found in self.survey.found if (servo := self._adopt(found)) is not None]
+        servos = [servo for found in self.survey.found if (servo := self._adopt(found)) is not None]
+        return servos
 
     @Operation
     def find(self, id: int, *, family: Family | str | None = None, bauds: Iterable[int] | None = None) -> Procedure[S]:
@@ -273,7 +270,7 @@ class Driver(ABC, Generic[S]):
             return
         self.transport.set_baud(baud)
         if self._used_speed:
-            self._quiet_at = self.transport.now() + QUIET
+            self._quiet_at = self.transport.now() + procedures.QUIET
             self._used_speed = False
 
     def _wait_before(self, step: SetBaud | Pause) -> float:

@@ -211,6 +211,10 @@ class Survey:
     troubles: list[Trouble] = field(default_factory=list)
 
 
+QUIET = 0.21
+"""Seconds to wait after a change of speed: servos that took what they heard at the old one for the start of a
+packet forget it after this time at the latest (HerkuleX, Packet Garbage Check Period: 201.6 ms)."""
+
 Watcher = Callable[[Progress], None]
 
 
@@ -230,6 +234,7 @@ def scan(
     done = 0
     for baud, family in sorted(rounds, key=lambda item: item[0]):
         yield SetBaud(baud)
+        yield Pause(QUIET)
         for id in wanted:
             done += 1
             found = None
@@ -316,6 +321,7 @@ def _answers(family: Family, id: int, baud: int | None = None, back: int | None 
     """Tell whether anybody answers to an id, however badly; at another speed if need be, and then back."""
     if baud is not None:
         yield SetBaud(baud)
+        yield Pause(QUIET)
     try:
         yield from ask(family.ping(id))
     except NoReply:
@@ -325,6 +331,7 @@ def _answers(family: Family, id: int, baud: int | None = None, back: int | None 
     finally:
         if back is not None:
             yield SetBaud(back)
+            yield Pause(QUIET)
     return True
 
 
