@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import TypeAlias, TypeVar
 
-from servobus.errors import BadValue, Refused, WrongReply
+from servobus.errors import BadValue, Refused
 from servobus.exchange import Exchange, Reply, sent
 from servobus.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.protocols.ids import BROADCAST, check_id
@@ -135,6 +135,7 @@ class HerkulexFraming(Framing):
     header = b"\xff\xff"
     overhead = 7
     max_size = overhead + MAX_DATA  # EH-01
+    filler = b"\x00"  # the line is full duplex (2-3), and a packet begins with FF
 
     def size(self, buffer: bytes | bytearray, at: int) -> int:
         if len(buffer) - at < 3:
@@ -461,12 +462,12 @@ def _reading(message: EepRead | RamRead) -> Exchange[bytes]:
         if not ack.data:
             said = f"{show_flags(ack.status_error)}; {show_flags(ack.status_detail)}"
             raise Refused(f"{what}: refused, {said}", ack.status_error)
-        if ack.data[:2] != bytes((address, length)):
-            raise WrongReply(f"{what}: {ack.data[1]} bytes from address {ack.data[0]} came back", packet.data)
         return ack.data[2:]
 
     # Address and length come back before the data. A refusal brings the status alone (assumption, EH-33).
-    return exchange(what, message, interpret, Reply(message.id, code | ACK, (length + 4, 2)))
+    return exchange(
+        what, message, interpret, Reply(message.id, code | ACK, (length + 4, 2), starts=bytes((address, length)))
+    )
 
 
 def _alarms(packet: Packet) -> StatusError:

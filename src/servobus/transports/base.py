@@ -44,6 +44,10 @@ class Transport(ABC):
         """Tell whether `read` may take real time, so that an event loop must not call it directly."""
         return True
 
+    def pending(self) -> bool:
+        """Tell at little cost whether bytes may have arrived that nobody has read; True means better look."""
+        return True
+
     def discard(self) -> bytes:
         """Throw away what has arrived, and give it."""
         dropped = b""

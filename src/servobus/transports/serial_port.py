@@ -57,6 +57,9 @@ class SerialPort(Transport):
             raise PortError(f"{self.name}: the port went away (end of file)")
         return data
 
+    def pending(self) -> bool:
+        return self._fd is None or bool(select.select([self._fd], [], [], 0)[0])
+
     def set_baud(self, baud: int) -> None:
         if baud == self.baud:
             return
