@@ -11,7 +11,7 @@ driver carry out the same code:
 """
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from servobus.errors import BadChecksum, BrokenEcho, BusError, DuplicateId, Garbled, NoReply, ShortReply, WrongReply
@@ -53,7 +53,7 @@ class Reply:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Exchange(Generic[T]):
     """One request and its reply, as a value.
 
@@ -74,13 +74,16 @@ class Exchange(Generic[T]):
     alarms: Callable[[Packet], int] | None = None
     turnaround: float = 0.0
     repeatable: bool = False
+    id: int = field(init=False)
+    """The servo that is asked."""
+    reply_size: int = field(init=False)
+    """Longest reply in bytes on the wire."""
 
-    @property
-    def reply_size(self) -> int:
-        """Longest reply in bytes on the wire."""
-        if self.reply is None:
-            return 0
-        return self.framing.overhead + max(self.reply.sizes)
+    def __post_init__(self) -> None:
+        packet, _ = self.framing.unframe(self.request)
+        object.__setattr__(self, "id", packet.id)
+        size = 0 if self.reply is None else self.framing.overhead + max(self.reply.sizes)
+        object.__setattr__(self, "reply_size", size)
 
     def looks_like_its_reply(self) -> bool:
         """Tell whether the request could be taken for its own answer, so that an echo would be one.
@@ -137,14 +140,16 @@ def sent(_: Packet) -> None:
 class Collector(Generic[T]):
     """Picks the reply to one exchange out of what is heard. No port, no clock.
 
-    `echo` tells whether the line gives back what was sent; None finds out from the first bytes.
+    `echo` tells whether the line gives back what was sent; None finds out from the first bytes. `sent` is what
+    was sent, if not just the request.
     """
 
-    __slots__ = ("_decoder", "_seen", "echo", "exchange", "heard", "packet")
+    __slots__ = ("_decoder", "_seen", "_sent", "echo", "exchange", "heard", "packet")
 
-    def __init__(self, exchange: Exchange[T], echo: bool | None = False) -> None:
+    def __init__(self, exchange: Exchange[T], echo: bool | None = False, sent: bytes = b"") -> None:
         self.exchange = exchange
         self.echo = echo
+        self._sent = sent or exchange.request
         self.packet: Packet | None = None
         self.heard = bytearray()
         self._seen: list[Event] = []
@@ -156,7 +161,7 @@ class Collector(Generic[T]):
         if self.exchange.reply is not None:
             return self.packet is not None
         # Nothing answers; but an echo must be out of the way before the next request.
-        return self.echo is False or len(self.heard) >= len(self.exchange.request)
+        return self.echo is False or len(self.heard) >= len(self._sent)
 
     @property
     def strangers(self) -> list[Packet]:
@@ -176,12 +181,11 @@ class Collector(Generic[T]):
     @property
     def broken_echo(self) -> bool:
         """Whether the line, known to give back what is sent, gave back something else."""
-        request = self.exchange.request
-        return self.echo is True and bool(self.heard) and self.heard[: len(request)] != request
+        return self.echo is True and bool(self.heard) and not self.heard.startswith(self._sent)
 
     def feed(self, chunk: bytes) -> None:
         """Take bytes in; `done` turns true when the reply is among them."""
-        request, before = self.exchange.request, len(self.heard)
+        request, before = self._sent, len(self.heard)
         self.heard += chunk
         if self.echo is None and not request.startswith(bytes(self.heard[: len(request)])):
             self.echo = False
@@ -204,7 +208,7 @@ class Collector(Generic[T]):
     def result(self) -> T:
         """Interpret the reply. Raises Refused, or the BusError that says what went wrong instead."""
         if self.broken_echo:
-            raise self._broken_echo(bytes(self.heard[: len(self.exchange.request)]))
+            raise self._broken_echo(bytes(self.heard[: len(self._sent)]))
         reply = self.exchange.reply
         if reply is None:
             return self.exchange.interpret(Packet(0, 0))
@@ -224,7 +228,7 @@ class Collector(Generic[T]):
     def failure(self) -> BusError:
         """Say what was heard instead of the reply."""
         exchange = self.exchange
-        what, request = exchange.what, exchange.request
+        what, request = exchange.what, self._sent
         heard = bytes(self.heard[len(request) :] if self.echo else self.heard)
         events = exchange.framing.decode(heard)
         for event in events:
@@ -244,7 +248,7 @@ class Collector(Generic[T]):
         return NoReply(f"{what}: no reply")
 
     def _broken_echo(self, heard: bytes) -> BrokenEcho:
-        said = f"{_hex(heard)} came back of {_hex(self.exchange.request)}"
+        said = f"{_hex(heard)} came back of {_hex(self._sent)}"
         return BrokenEcho(
             f"{self.exchange.what}: the echo is broken: {said}; a short circuit, or who else sends?", heard
         )

@@ -218,10 +218,9 @@ class Link:
             or transport.pending()
         ):
             return False
-        now = transport.now()
-        if now < self._clear_at:
+        if transport.now() < self._clear_at:
             return False
-        self._write(exchange, now)
+        self._send(exchange, exchange.request)
         return True
 
     def quick(self, exchange: Exchange[T], chunk: bytes) -> T | object:
@@ -250,7 +249,7 @@ class Link:
         first: BusError | None = None
         for attempt in range(TRIES):
             if attempt:
-                self._counts(exchange).retries += 1
+                self.stats[exchange.id].retries += 1
                 yield from self._until(self._quiet_at)
             try:
                 return (yield from self._attempt(exchange, begun))
@@ -265,16 +264,16 @@ class Link:
         assert first is not None
         raise first
 
-    def _attempt(self, question: Exchange[T], begun: bytes | None = None) -> Waits[T]:
+    def _attempt(self, exchange: Exchange[T], begun: bytes | None = None) -> Waits[T]:
         transport = self.transport
-        exchange = question
+        request = exchange.request
         if begun is None:
             yield from self._ready(exchange)
             if self.echo is None and exchange.looks_like_its_reply():
                 # Before such a request goes a byte that servos skip: if it comes back, the rest is an echo too.
-                exchange = replace(exchange, request=b"\x00" + exchange.request)
-            self._write(exchange, transport.now())
-        collector = Collector(exchange, self.echo)
+                request = b"\x00" + request
+            self._send(exchange, request)
+        collector = Collector(exchange, self.echo, request)
         chunk = begun or b""
         try:
             while True:
@@ -285,10 +284,10 @@ class Link:
                     break
                 chunk = yield Listen(left)
         except BaseException:
-            self._lose(question)  # who asked gave up: the answer may still come
+            self._lose(exchange)  # who asked gave up: the answer may still come
             raise
         if exchange.reply is not None and (collector.packet is None or collector.broken_echo):
-            self._lose(question)
+            self._lose(exchange)
         return self._judge(collector)
 
     def _ready(self, exchange: Exchange[Any]) -> Waits[None]:
@@ -300,34 +299,32 @@ class Link:
             self._unquiet = True
         if self._unquiet:
             yield from self._drain(exchange)
-        if (error := self._doubled.pop(_id(exchange), None)) is not None:
+        if (error := self._doubled.pop(exchange.id, None)) is not None:
             raise error
         if suspects := self._suspects(exchange):
             yield from self._mark(exchange, suspects)
 
-    def _write(self, exchange: Exchange[Any], now: float, filled: bytes = b"") -> None:
+    def _send(self, exchange: Exchange[Any], request: bytes) -> None:
         """Send, and work out when to give up."""
         transport = self.transport
-        request = filled or exchange.request
         self._used_speed = True
-        self._counts(exchange).sent += 1
+        self.stats[exchange.id].sent += 1
+        now = transport.now()
         transport.write(request)
         byte_time = BITS_PER_BYTE / transport.baud
-        self._clear_at = self._deadline = leaves = max(now, self._clear_at) + len(request) * byte_time
+        self._clear_at = self._sent_at = max(now, self._clear_at) + len(request) * byte_time
         if exchange.reply is not None:
             longest = SLOW * (exchange.turnaround + exchange.reply_size * byte_time)
-            self._deadline = leaves + longest + self.latency.patience
-            self._sent_at = leaves
+            self._deadline = self._clear_at + longest + self.latency.patience
         else:
             # Where nothing answers nobody tells when the adapter has really sent it.
-            self._sent_at = leaves + transport.latency
-            if self.echo is not False:
-                self._deadline = self._sent_at
+            self._sent_at += transport.latency
+            self._deadline = self._clear_at if self.echo is False else self._sent_at
 
     def _judge(self, collector: Collector[T]) -> T:
         """Turn what was collected into the result, or raise."""
         exchange, packet = collector.exchange, collector.packet
-        counts = self._counts(exchange)
+        counts = self.stats[exchange.id]
         if not collector.done:
             collector.quiet()
         if self.echo is False and collector.heard.startswith(exchange.request) and exchange.looks_like_its_reply():
@@ -392,7 +389,7 @@ class Link:
 
     def _mark(self, exchange: Exchange[Any], suspects: Sequence[_Lost]) -> Waits[None]:
         """Ask something else, whose answer ends all doubts about what comes late."""
-        id = _id(exchange)
+        id = exchange.id
         patience = self.latency.patience
         for marker in self._markers(exchange.framing, id) if id != BROADCAST else ():
             shape = marker.reply
@@ -508,25 +505,24 @@ class Link:
         again = [n for n in failed if exchanges[n].repeatable and not isinstance(results[n], DuplicateId)]
         self._trouble = self._trouble + 4 * len(again) if again else max(0, self._trouble - 1)
         for n, exchange in enumerate(exchanges):
-            counts = self._counts(exchange)
+            counts = self.stats[exchange.id]
             counts.timeouts += isinstance(results[n], NoReply)
             counts.checksum += isinstance(results[n], BusError) and gathering.corrupt > 0
         for n in again:
-            self._counts(exchanges[n]).retries += 1
+            self.stats[exchanges[n].id].retries += 1
             results[n] = yield from self._caught(exchanges[n])
         return results
 
     def _stream(self, gathering: Gathering) -> Waits[None]:
         """Full duplex: bytes that no servo takes for a packet keep the questions as far apart as the answers need."""
         exchanges = gathering.exchanges
-        now = self.transport.now()
         data = bytearray()
         for exchange in exchanges:
             apart = max(len(exchange.request), exchange.reply_size + MARGIN)
             data += exchange.request + exchange.framing.filler * (apart - len(exchange.request))
-            self._counts(exchange).sent += 1
-        self._write(exchanges[-1], now, bytes(data))
-        self._counts(exchanges[-1]).sent -= 1
+            self.stats[exchange.id].sent += 1
+        self._send(exchanges[-1], bytes(data))
+        self.stats[exchanges[-1].id].sent -= 1
         yield from self._gather(gathering, self._deadline)
 
     def _space(self, gathering: Gathering) -> Waits[None]:
@@ -534,7 +530,7 @@ class Link:
         byte_time = BITS_PER_BYTE / self.transport.baud
         for exchange in gathering.exchanges:
             yield from self._until(self._clear_at)
-            self._write(exchange, self.transport.now())
+            self._send(exchange, exchange.request)
             answered = SLOW * (exchange.turnaround + exchange.reply_size * byte_time)
             yield from self._gather(gathering, self._clear_at + answered + APART, exchange)
         yield from self._gather(gathering, self._deadline)
@@ -545,14 +541,3 @@ class Link:
                 return
             for exchange, packet in gathering.feed((yield Listen(left))):
                 self._accept(exchange, packet, exchange.framing.overhead + len(packet.data))
-
-    def _counts(self, exchange: Exchange[Any]) -> Any:
-        return self.stats[_id(exchange)]
-
-
-def _id(exchange: Exchange[Any]) -> int:
-    """Give the id that is asked; the broadcast id where any servo may answer."""
-    reply = exchange.reply
-    if reply is None:
-        return exchange.framing.unframe(exchange.request)[0].id
-    return BROADCAST if reply.id is None else reply.id

@@ -206,12 +206,17 @@ def parse_status(packet: Packet) -> Status:
 # Native operations
 
 
-def _alarms(packet: Packet) -> int:
-    return packet.code & ALARMS
+_ALARM_BITS = int(ALARMS)
+_NONE = Error(0)
+
+
+def _alarms(packet: Packet) -> Error:
+    bits = packet.code & _ALARM_BITS
+    return Error(bits) if bits else _NONE  # making flags costs time, and mostly there are none
 
 
 def _refusal(what: str, packet: Packet) -> None:
-    error = Error(packet.code) & ~ALARMS
+    error = Error(packet.code & ~_ALARM_BITS)
     if error:
         reasons = {
             Error.RANGE: "a value or address is out of range, or the table is locked",

@@ -458,11 +458,11 @@ def _reading(message: EepRead | RamRead) -> Exchange[bytes]:
     what = f"{code.name} id {message.id}, address {address}, {length} bytes"
 
     def interpret(packet: Packet) -> bytes:
-        ack = parse_ack(packet)
-        if not ack.data:
+        if len(packet.data) <= 2:
+            ack = parse_ack(packet)
             said = f"{show_flags(ack.status_error)}; {show_flags(ack.status_detail)}"
             raise Refused(f"{what}: refused, {said}", ack.status_error)
-        return ack.data[2:]
+        return packet.data[2:-2]
 
     # Address and length come back before the data. A refusal brings the status alone (assumption, EH-33).
     return exchange(
@@ -470,8 +470,12 @@ def _reading(message: EepRead | RamRead) -> Exchange[bytes]:
     )
 
 
+_NONE = StatusError(0)
+
+
 def _alarms(packet: Packet) -> StatusError:
-    return StatusError(packet.data[-2])
+    bits = packet.data[-2]
+    return StatusError(bits) if bits else _NONE  # making flags costs time, and mostly there are none
 
 
 def show_flags(flags: IntFlag) -> str:
