@@ -220,7 +220,7 @@ class TestOpening:
     def test_a_program_that_asks_for_no_lock_is_found_too(
         self, terminal: Terminal, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(serial_port, "_is_wired", lambda _: True)
+        monkeypatch.setattr(facts, "is_wired", lambda _: True)
         monkeypatch.setattr(facts, "holders", lambda _: Holders((Holder(4711, "python3 arm.py"),)))
         with pytest.raises(PortError, match=r"in use by python3 arm.py \(pid 4711\); end that first"):
             SerialPort(terminal.name, 57_600)
@@ -245,7 +245,7 @@ class TestOpening:
     def test_the_adapter_tells_the_first_guess_of_the_latency(
         self, terminal: Terminal, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(serial_port, "_is_wired", lambda _: True)
+        monkeypatch.setattr(facts, "is_wired", lambda _: True)
         monkeypatch.setattr(facts, "adapter", lambda name: Adapter(name, driver="ftdi_sio", latency_timer=1))
         port = SerialPort(terminal.name, 57_600)
         try:
@@ -296,6 +296,61 @@ class TestReopening:
             assert os.read(other.master, 10) == b"\x01"
         finally:
             other.hang_up()
+
+
+class TestWithoutDescriptor:
+    """Ports whose bytes pyserial carries: here its own loop, elsewhere all of Windows, and rfc2217."""
+
+    def test_carries_bytes(self) -> None:
+        port = SerialPort("loop://", 115_200)
+        assert port.fileno() is None
+        assert not port.pending()
+        port.write(b"\x01\x02\x03")
+        assert port.pending()
+        assert port.read(PROMPT) == b"\x01\x02\x03"
+        assert port.read(0.001) == b""
+        port.close()
+        with pytest.raises(PortError, match="is closed"):
+            port.read(60)
+        port.reopen()
+        port.write(b"\x04")
+        assert port.read(PROMPT) == b"\x04"
+        port.close()
+
+    @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # pyserial's, about its thread
+    def test_rfc2217_whose_server_goes_away(self) -> None:
+        from serial import rfc2217, serial_for_url  # noqa: PLC0415 - only here
+
+        class Connection:
+            def __init__(self, client: socket.socket) -> None:
+                self.write = client.sendall
+
+        def serve() -> None:
+            client, _ = listener.accept()
+            far = serial_for_url("loop://", timeout=0)
+            manager = rfc2217.PortManager(far, Connection(client))  # type: ignore[arg-type] # what its examples do
+            while not quit.is_set():
+                with contextlib.suppress(TimeoutError):
+                    client.settimeout(0.02)
+                    far.write(b"".join(manager.filter(client.recv(1000))))
+                client.sendall(b"".join(manager.escape(far.read(1000))))
+            client.close()
+
+        quit = threading.Event()
+        with socket.create_server(("127.0.0.1", 0)) as listener:
+            server = threading.Thread(target=serve)
+            server.start()
+            port = SerialPort(f"rfc2217://127.0.0.1:{listener.getsockname()[1]}", 115_200)
+            port.write(b"\x01\xff\x02")
+            heard = b""
+            while len(heard) < 3:
+                heard += port.read(PROMPT)
+            assert heard == b"\x01\xff\x02"
+            quit.set()
+            with pytest.raises(PortLost):
+                port.read(60)
+            server.join()
+            port.close()
 
 
 class TestSocket:

@@ -60,6 +60,16 @@ def is_device(name: str) -> bool:
     return os.name == "posix" and "://" not in name
 
 
+def is_wired(name: str, root: Path = ROOT) -> bool:
+    """Tell whether a port is a serial port of this computer, as far as the system tells.
+
+    A pseudo terminal is none: its other end may have it open too, and no adapter is behind it.
+    """
+    if sys.platform == "linux" and is_device(name):
+        return (root / "sys/class/tty" / Path(real_name(name, root)).name).exists()
+    return "://" not in name
+
+
 def access(name: str, root: Path = ROOT) -> Access | None:
     """Look whether a port is there and may be opened; None if it is no file of this computer."""
     if not is_device(name):

@@ -12,7 +12,6 @@ import socket
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import serial
@@ -135,7 +134,7 @@ class SerialPort(Transport):
     # Opening
 
     def _open(self, name: str) -> None:
-        url, wired = "://" in name, _is_wired(name)
+        url, wired = "://" in name, adapter.is_wired(name)
         if wired and (holders := adapter.holders(name)).others:
             # A second program on the same wire would garble both; not all of them lock the port.
             raise PortError(_in_use(name, holders))
@@ -151,7 +150,8 @@ class SerialPort(Transport):
         self._port = port
         self._fd = _descriptor(port, name)
         if self._fd is None:
-            port.write_timeout = STUCK
+            with contextlib.suppress(NotImplementedError):  # rfc2217, which has one of its own
+                port.write_timeout = STUCK
         else:
             poll = select.poll()
             poll.register(self._fd, select.POLLIN)
@@ -250,16 +250,6 @@ class SerialPort(Transport):
 def _closed(_: float) -> list[tuple[int, int]]:
     """Stand in for waiting on a port that was closed: there is something to find out, at once."""
     return [(-1, select.POLLNVAL)]
-
-
-def _is_wired(name: str) -> bool:
-    """Tell whether a port leads out of this computer.
-
-    A pseudo terminal does not: its other end may have it open too, and no adapter is behind it.
-    """
-    if sys.platform == "linux" and "://" not in name:
-        return Path("/sys/class/tty", Path(adapter.real_name(name)).name).exists()
-    return "://" not in name
 
 
 def _descriptor(port: Any, name: str) -> int | None:
