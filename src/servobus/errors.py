@@ -4,7 +4,8 @@
     ├── UsageError (ValueError)       what was asked makes no sense; nothing was sent
     │   ├── UnknownName (KeyError)    no such register, model, family or servo
     │   └── BadValue                  a value that the register or the move cannot take
-    ├── PortError (OSError)           the port cannot be opened, is in use, or went away
+    ├── PortError (OSError)           the port cannot be opened, is in use, or is closed
+    │   └── PortLost                  the port was open and went away: unplugged, hung up, or stuck
     └── BusError                      an exchange failed
         ├── NoReply (TimeoutError)    silence
         ├── Garbled                   bytes came, but no packet: wrong baud, noise, two servos at once
@@ -43,7 +44,11 @@ class BadValue(UsageError):
 
 
 class PortError(ServobusError, OSError):
-    """The port cannot be opened, is in use, or went away."""
+    """The port cannot be opened, is in use, or is closed."""
+
+
+class PortLost(PortError):
+    """The port was open and went away: unplugged, hung up, or it takes no more bytes. `reopen` may find it again."""
 
 
 class BusError(ServobusError):
