@@ -61,7 +61,7 @@ class AsyncBusServo(Awaiting, Servo):
 
     async def do(self, job: Job[T]) -> T:
         """Carry out any job, an exchange or a procedure, at this servo's speed."""
-        return await self._bus.do(job, baud=self.baud)
+        return await self._bus.do(job, self.baud)
 
     def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> AsyncMove:
         """Move to an angle in rad; nothing happens until the result is awaited.
@@ -104,14 +104,22 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         """Give the port back. Torque stays as it is."""
         self.transport.close()
 
-    async def do(self, job: Job[T], *, baud: int | None = None) -> T:
+    async def do(self, job: Job[T], baud: int | None = None) -> T:
         """Carry out any job, an exchange or a procedure, at this speed or at the one in use."""
         async with self._lock:
             if baud is not None and baud != self.transport.baud:
                 await self._wait(self.link.set_baud(baud))
-            if type(job) is Exchange:
-                return await self._exchange(job)
-            return await self._wait(self.link.run(job))
+            if type(job) is not Exchange:
+                return await self._wait(self.link.run(job))
+            if not (window := self.link.begin(job)):
+                return await self._wait(self.link.carry(job))
+            try:
+                heard = await self._read(window)
+            except asyncio.CancelledError:
+                self.link.give_up(job)
+                raise
+            result = self.link.quick(job, heard)
+            return cast("T", result) if result is not MISSED else await self._wait(self.link.carry(job, heard))
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> AsyncMove:
         """Move several servos, id -> angle in rad, that start together and arrive together; see `Bus.move`."""
@@ -135,21 +143,6 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         return AsyncBusServo(self, target, baud, firmware)
 
     # Carrying out
-
-    async def _exchange(self, exchange: Exchange[T]) -> T:
-        """Take the shortest way: one write, one wait, one read; the long one where that does not do."""
-        link = self.link
-        if not link.begin(exchange):
-            return await self._wait(link.carry(exchange))
-        try:
-            chunk = await self._read(link.window)
-            result = link.quick(exchange, chunk)
-        except asyncio.CancelledError:
-            link.give_up(exchange)
-            raise
-        if result is MISSED:
-            return await self._wait(link.carry(exchange, chunk))
-        return cast("T", result)
 
     async def _wait(self, waits: Waits[T]) -> T:
         heard = b""

@@ -51,7 +51,7 @@ class BusServo(Blocking, Servo):
 
     def do(self, job: Job[T]) -> T:
         """Carry out any job, an exchange or a procedure, at this servo's speed."""
-        return self._bus.do(job, baud=self.baud)
+        return self._bus.do(job, self.baud)
 
     def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> Move:
         """Start a move to an angle in rad and give a handle to wait for its end.
@@ -90,14 +90,22 @@ class Bus(Blocking, Driver[BusServo]):
         """Give the port back. Torque stays as it is."""
         self.transport.close()
 
-    def do(self, job: Job[T], *, baud: int | None = None) -> T:
+    def do(self, job: Job[T], baud: int | None = None) -> T:
         """Carry out any job, an exchange or a procedure, at this speed or at the one in use."""
         with self._lock:
             if baud is not None and baud != self.transport.baud:
                 self._wait(self.link.set_baud(baud))
-            if type(job) is Exchange:
-                return self._exchange(job)
-            return self._wait(self.link.run(job))
+            if type(job) is not Exchange:
+                return self._wait(self.link.run(job))
+            if not (window := self.link.begin(job)):
+                return self._wait(self.link.carry(job))
+            try:
+                heard = self.transport.read(window)
+            except KeyboardInterrupt:
+                self.link.give_up(job)
+                raise
+            result = self.link.quick(job, heard)
+            return cast("T", result) if result is not MISSED else self._wait(self.link.carry(job, heard))
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> Move:
         """Move several servos, id -> angle in rad, that start together and arrive together.
@@ -120,21 +128,6 @@ class Bus(Blocking, Driver[BusServo]):
         return BusServo(self, target, baud, firmware)
 
     # Carrying out
-
-    def _exchange(self, exchange: Exchange[T]) -> T:
-        """Take the shortest way: one write, one wait, one read; the long one where that does not do."""
-        link = self.link
-        if not link.begin(exchange):
-            return self._wait(link.carry(exchange))
-        try:
-            chunk = self.transport.read(link.window)
-            result = link.quick(exchange, chunk)
-        except KeyboardInterrupt:
-            link.give_up(exchange)
-            raise
-        if result is MISSED:
-            return self._wait(link.carry(exchange, chunk))
-        return cast("T", result)
 
     def _wait(self, waits: Waits[T]) -> T:
         transport = self.transport

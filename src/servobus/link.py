@@ -14,13 +14,14 @@ awaiting. Five rules keep it from ever giving a wrong answer:
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
+from time import monotonic
 from typing import Any, Final, TypeAlias, TypeVar
 
 from servobus.errors import BrokenEcho, BusError, DuplicateId, LineBusy, NoReply, Refused
 from servobus.exchange import Collector, Exchange, Gathering, Job, Pause, Reply, SetBaud, Step, Volley, sent
 from servobus.framing import Framing, Noise, Packet
 from servobus.protocols.ids import BROADCAST
-from servobus.stats import Stats
+from servobus.stats import Counts, Stats
 from servobus.transports.base import Transport
 
 T = TypeVar("T")
@@ -36,6 +37,8 @@ TRIES = 2
 """How often a question is asked at most."""
 DEADLINE = 0.5
 """s after which a question is not asked again."""
+SLOWEST = 2.0
+"""s; assumption: no servo answers later than this, whatever it does. Adapters may, but in order."""
 APART = 0.002
 """s that questions on a shared wire keep from each other beyond their answers: assumption, USB adapters send in
 frames of 1 ms, so that two requests can come closer by one."""
@@ -69,9 +72,11 @@ MISSED: Final = object()
 class Latency:
     """How much later than the wire allows answers come: learned from those that come.
 
-    `patience` is how long to wait for one: twice the worst of the last some hundred, and SPARE; as long as
+    `patience` is how long to wait for one, s: twice the worst of the last some hundred, and SPARE; as long as
     few have come, at least the transport's own guess.
     """
+
+    __slots__ = ("_known", "_peak", "_transport")
 
     SPARE = 0.004
     FLOOR = 0.010
@@ -86,13 +91,27 @@ class Latency:
     @property
     def patience(self) -> float:
         guess = self._transport.latency
+        if self._known > self.ENOUGH and guess > self.FLOOR:
+            guess = self.FLOOR
         learned = 2 * self._peak + self.SPARE
-        return max(learned, min(guess, self.FLOOR)) if self._known > self.ENOUGH else max(guess, learned)
+        return max(guess, learned)
 
     def note(self, late: float) -> None:
         """Learn from an answer that came this many seconds later than the wire allows."""
         self._known += 1
-        self._peak = max(late, 0.998 * self._peak)
+        faded = 0.998 * self._peak
+        self._peak = max(faded, late)
+
+
+@dataclass(frozen=True, slots=True)
+class _Pace:
+    """What the shortest way needs to know of an exchange at one speed."""
+
+    window: float
+    """s from the first bit of the request to the last of the answer, at most."""
+    wire: float
+    """s of these that the bits take."""
+    counts: Counts
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +165,13 @@ class Link:
         self._sent_at = 0.0
         """Time from which on a change of speed cannot spoil them any more."""
         self._deadline = 0.0
+        self._lost_until = 0.0
+        """Time after which no servo can be so late; only an adapter, and that keeps the order."""
+        self._wary = True
+        """Whether the next question must take the long way."""
+        self._paces: dict[Exchange[Any], _Pace] = {}
+        self._pace_now = _Pace(0.0, 0.0, Counts())
+        self._began = 0.0
 
     # Whole jobs
 
@@ -186,6 +212,7 @@ class Link:
             return
         yield from self._until(self._sent_at)
         transport.set_baud(baud)
+        self._paces.clear()
         if self._used_speed:
             # Servos hear what is sent at another speed as garbage. One that took it for the start of a packet
             # misses the next request, until it has been quiet for a while.
@@ -205,41 +232,57 @@ class Link:
 
     # The shortest way: a calm line, one write, one read
 
-    def begin(self, exchange: Exchange[Any]) -> bool:
-        """Send at once, if nothing stands against it; then read, and see whether `quick` can do with that."""
-        transport = self.transport
-        if (
-            self.echo is not False
-            or self._unquiet
-            or not exchange.repeatable
-            or exchange.reply is None
-            or (self._lost and self._suspects(exchange))
-            or self._doubled
-            or transport.pending()
-        ):
-            return False
-        if transport.now() < self._clear_at:
-            return False
-        self._send(exchange, exchange.request)
-        return True
+    def begin(self, exchange: Exchange[Any]) -> float:
+        """Send at once if nothing stands against it; give the seconds to listen, or 0 if it takes the long way."""
+        if self._wary or self.transport.pending():
+            return 0.0
+        pace = self._paces.get(exchange)
+        if pace is None:
+            if exchange.reply is None or not exchange.repeatable:
+                return 0.0
+            pace = self._pace(exchange)
+        self._pace_now = pace
+        pace.counts.sent += 1
+        self._began = monotonic()
+        self.transport.write(exchange.request)
+        return pace.window + self.latency.patience
 
     def quick(self, exchange: Exchange[T], chunk: bytes) -> T | object:
         """Give the result if what came is the answer and nothing else; MISSED if it takes more than a look."""
         packet = exchange.framing.whole(chunk)
-        reply = exchange.reply
-        if packet is None or reply is None or not reply.fits(packet) or chunk == exchange.request:
+        if packet is None or not exchange.reply.fits(packet) or chunk == exchange.request:  # type: ignore[union-attr] # begin has seen to it
             return MISSED
-        self._accept(exchange, packet, len(chunk))
+        pace = self._pace_now
+        late = monotonic() - self._began - pace.wire
+        counts = pace.counts
+        counts.received += 1
+        counts.worst = max(counts.worst, late)
+        self.latency.note(late)
+        self._answered = exchange
+        alarms = exchange.alarms
+        if alarms is not None and (alarms(packet) or self._alarming):
+            self._tell_alarms(exchange, packet)
         return exchange.interpret(packet)
 
-    @property
-    def window(self) -> float:
-        """Seconds left in which the answer to what was sent may come."""
-        return self._deadline - self.transport.now()
-
     def give_up(self, exchange: Exchange[Any]) -> None:
-        """Say that nobody waits for the answer any more: it may still come."""
+        """Say that nobody waits for the answer to what `begin` sent: it may still come."""
         self._lose(exchange)
+        self._review()
+
+    def _pace(self, exchange: Exchange[Any]) -> _Pace:
+        """Work out the times of an exchange at the present speed, once."""
+        if len(self._paces) > 1000:
+            self._paces.clear()  # somebody makes his questions anew each time
+        byte_time = BITS_PER_BYTE / self.transport.baud
+        request, reply = len(exchange.request) * byte_time, exchange.reply_size * byte_time
+        window = request + SLOW * (exchange.turnaround + reply)
+        pace = self._paces[exchange] = _Pace(window, request + reply, self.stats[exchange.id])
+        self._used_speed = True
+        return pace
+
+    def _review(self) -> None:
+        """Find out whether the next question may take the shortest way."""
+        self._wary = self.echo is not False or bool(self._lost or self._doubled or self._unquiet or self._clear_at)
 
     # One exchange
 
@@ -273,6 +316,9 @@ class Link:
                 # Before such a request goes a byte that servos skip: if it comes back, the rest is an echo too.
                 request = b"\x00" + request
             self._send(exchange, request)
+        else:
+            self._deadline = self._began + self._pace_now.window + self.latency.patience
+            self._clear_at = self._began
         collector = Collector(exchange, self.echo, request)
         chunk = begun or b""
         try:
@@ -283,12 +329,11 @@ class Link:
                 if collector.done or left <= 0:
                     break
                 chunk = yield Listen(left)
-        except BaseException:
-            self._lose(exchange)  # who asked gave up: the answer may still come
-            raise
-        if exchange.reply is not None and (collector.packet is None or collector.broken_echo):
-            self._lose(exchange)
-        return self._judge(collector)
+            return self._judge(collector)
+        finally:
+            if collector.packet is None or collector.broken_echo:
+                self._lose(exchange)  # it may still come; even if who asked gave up
+            self._review()
 
     def _ready(self, exchange: Exchange[Any]) -> Waits[None]:
         """Wait until nothing stands against sending, and nothing that comes can be mistaken for the answer."""
@@ -338,7 +383,8 @@ class Link:
         for stranger in collector.strangers:
             self._stray(stranger)
         if packet is not None:
-            self._accept(exchange, packet, exchange.framing.overhead + len(packet.data))
+            self._accept(exchange, packet)
+            self._clear_at = 0.0  # what is answered has left
         try:
             if error is not None:
                 raise error
@@ -350,20 +396,26 @@ class Link:
             self._unquiet = self._unquiet or not isinstance(error, NoReply | Refused)
             raise
 
-    def _accept(self, exchange: Exchange[Any], packet: Packet, size: int) -> None:
+    def _accept(self, exchange: Exchange[Any], packet: Packet) -> None:
         """Take note of an answer."""
-        id = packet.id
         now = self.transport.now()
+        size = exchange.framing.overhead + len(packet.data)
         late = now - self._clear_at - size * BITS_PER_BYTE / self.transport.baud
-        counts = self.stats[id]
+        counts = self.stats[packet.id]
         counts.received += 1
         counts.worst = max(counts.worst, late)
         self.latency.note(late)
         self._answered = exchange
         if self._lost:
-            self._settle(id, exchange)
-        if exchange.alarms is not None and (exchange.alarms(packet) or id in self._alarming):
-            self._alarming.add(id)
+            self._settle(packet.id, exchange, now)
+        if exchange.alarms is not None and (exchange.alarms(packet) or self._alarming):
+            self._tell_alarms(exchange, packet)
+
+    def _tell_alarms(self, exchange: Exchange[Any], packet: Packet) -> None:
+        """Tell of alarms that are there, or that ended."""
+        alarms = exchange.alarms is not None and exchange.alarms(packet)
+        if alarms or packet.id in self._alarming:
+            (self._alarming.add if alarms else self._alarming.discard)(packet.id)
             self._heard(exchange, packet)
 
     # What may still come
@@ -376,6 +428,7 @@ class Link:
         lost = self._lost.setdefault(reply.id, [])
         if not any(old.reply == reply and old.request == exchange.request for old in lost):
             lost.append(_Lost(reply, exchange.request, self._clear_at))
+        self._lost_until = self.transport.now() + SLOWEST
 
     def _suspects(self, exchange: Exchange[Any]) -> list[_Lost]:
         """Give the late answers that could be mistaken for the answer to this question."""
@@ -408,9 +461,11 @@ class Link:
         for key in (id, None):
             self._lost.pop(key, None)
 
-    def _settle(self, id: int, exchange: Exchange[Any]) -> None:
+    def _settle(self, id: int, exchange: Exchange[Any], now: float) -> None:
         """Forget what cannot come any more now that this servo has answered a later question."""
         reply = exchange.reply
+        if now > self._lost_until:
+            self._lost.clear()
         for key in (id, None):
             if key in self._lost and reply is not None:
                 self._lost[key] = [old for old in self._lost[key] if reply.mistakes(old.reply)]
@@ -540,4 +595,4 @@ class Link:
             if wanted is not None and wanted not in gathering.open:
                 return
             for exchange, packet in gathering.feed((yield Listen(left))):
-                self._accept(exchange, packet, exchange.framing.overhead + len(packet.data))
+                self._accept(exchange, packet)

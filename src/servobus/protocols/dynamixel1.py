@@ -72,6 +72,13 @@ class Dynamixel1Framing(Framing):
         length = buffer[at + 3]
         return length + 4 if 2 <= length <= RX_BUFFER - 4 else NOT_A_FRAME
 
+    def whole(self, raw: bytes) -> Packet | None:
+        """As in `Framing`, in one look: most of what a driver hears is one good status packet."""
+        size = len(raw)
+        if size < 6 or raw[:2] != b"\xff\xff" or raw[3] != size - 4 or raw[2] == 0xFF or sum(raw) & 0xFF != 0xFD:
+            return None
+        return Packet(raw[2], raw[4], raw[5:-1])
+
     def frame(self, packet: Packet) -> bytes:
         size = len(packet.data) + self.overhead
         if size > self.max_size:

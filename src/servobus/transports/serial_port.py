@@ -94,9 +94,6 @@ class SerialPort(Transport):
             raise self._gone("while idle")
         return True
 
-    def pending(self) -> bool:
-        return self._fd is None or bool(select.select([self._fd], [], [], 0)[0])
-
     def set_baud(self, baud: int) -> None:
         if baud == self.baud:
             return
