@@ -30,7 +30,7 @@ def examine(port: str, plan: Plan, watch: Watcher = lambda *_: None) -> Iterator
             if willing := [servo for servo in there if servo.target.answers is not Answers.NOTHING]:
                 yield from health(bus, willing)
                 if plan.reads:
-                    yield losses(bus, willing, plan.reads, watch)
+                    yield from losses(bus, willing, plan.reads, watch)
     except PortLost as error:
         cause = "a loose plug, a bad cable, or servos that draw more current than the adapter can give"
         yield Finding(Level.FAIL, "port", str(error), cause, ("servobus ports",))

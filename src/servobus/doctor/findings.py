@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from servobus.families.base import Family
+from servobus.protocols.ids import LAST_ID
 from servobus.units import show
 
 SHOWN = 3
@@ -57,6 +58,17 @@ def for_each(ids: Iterable[int], command: str) -> str:
 def at(family: Family, baud: int) -> str:
     """Give the option that finds a servo; none is needed at its factory speed."""
     return "" if baud == family.default_baud else f"--baud {baud}"
+
+
+def twins(port: str, what: str, servo: tuple[Family, int, int], taken: Iterable[int]) -> Finding:
+    """Suspect that two servos have one id: they answer at once and garble each other.
+
+    `servo` is the family, the id and the speed in question; `taken` are the ids that are in use.
+    """
+    family, id, baud = servo
+    free = next((number for number in range(1, LAST_ID) if number not in {id, *taken}), LAST_ID)
+    cause = f"two servos with id {id}? Leave one of them alone on the wire and give it another id; or noise"
+    return Finding(Level.FAIL, "ids", what, cause, (command("set-id", port, id, free, at(family, baud)),))
 
 
 def id_list(ids: Iterable[int]) -> str:

@@ -1,13 +1,13 @@
 """How many answers are lost, why, and how long the others take."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from servobus.bus import Bus, BusServo
-from servobus.doctor.findings import Finding, Level, Watcher
+from servobus.doctor.findings import Finding, Level, Watcher, twins
 from servobus.errors import BadChecksum, BusError, Garbled, NoReply, WrongReply
 from servobus.exchange import Exchange, Procedure
 
@@ -27,6 +27,7 @@ _KINDS: tuple[tuple[type[BusError], str, str], ...] = (
 )
 """What was lost, in words, and what may be its cause; the first that fits."""
 _CAUSES = {kind: cause for _, kind, cause in _KINDS}
+_UNCLEAR = [kind for error, kind, _ in _KINDS if issubclass(error, Garbled)]
 _QUANTILES = (("median", 0.5), ("p99", 0.99), ("longest", 1.0))
 
 
@@ -36,7 +37,8 @@ class Tally:
 
     times: list[float] = field(default_factory=list)
     lost: Counter[str] = field(default_factory=Counter)
-    by_servo: Counter[str] = field(default_factory=Counter)
+    by_servo: dict[BusServo, Counter[str]] = field(default_factory=dict)
+    """What was lost, by servo and kind."""
 
     @property
     def reads(self) -> int:
@@ -48,9 +50,18 @@ class Tally:
         return times[min(int(share * len(times)), len(times) - 1)]
 
 
-def losses(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher) -> Finding:
+def losses(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher) -> Iterator[Finding]:
     """Read positions so many times in all, and say how many answers were lost."""
     tally = count(bus, servos, reads, watch)
+    taken = [servo.id for servo in servos]
+    for servo, lost in tally.by_servo.items():
+        if sum(lost[kind] for kind in _UNCLEAR) >= HOPELESS:
+            what = f"{servo.target}: its answers are garbled again and again"
+            yield twins(bus.transport.name, what, (servo.family, servo.id, servo.baud), taken)
+    yield _sum_up(tally)
+
+
+def _sum_up(tally: Tally) -> Finding:
     times = []
     if tally.times:
         took = ", ".join(f"{name} {1000 * tally.quantile(share):.2f} ms" for name, share in _QUANTILES)
@@ -60,9 +71,9 @@ def losses(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher) -> 
         return Finding(Level.OK, "reads", "; ".join([f"{tally.reads}, none lost", *times]))
     kinds = ", ".join(f"{number} {kind}" for kind, number in tally.lost.most_common())
     what = [f"{lost} of {tally.reads} lost ({100 * lost / tally.reads:.1f} %): {kinds}"]
-    if len(servos) > 1:
-        worst, number = tally.by_servo.most_common(1)[0]
-        what.append(f"worst is {worst} with {number}")
+    if len(tally.by_servo) > 1:
+        worst = max(tally.by_servo, key=lambda servo: tally.by_servo[servo].total())
+        what.append(f"worst is {worst.target} with {tally.by_servo[worst].total()}")
     level = Level.FAIL if lost >= LOSSY * tally.reads else Level.WARN
     return Finding(level, "reads", "; ".join(what + times), _CAUSES[tally.lost.most_common(1)[0][0]])
 
@@ -74,6 +85,7 @@ def count(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher = lam
     done = 0
     for number, servo in enumerate(servos):
         row = servo.model.register("present_position")
+        lost = tally.by_servo.setdefault(servo, Counter())
         missed = 0
         with suppress(BusError):  # what follows a change of speed is no part of what is measured
             bus.do(replace(servo.family.ping(servo.id), repeatable=False), baud=servo.baud)
@@ -82,8 +94,9 @@ def count(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher = lam
             try:
                 bus.do(_once(servo.family.read(servo.target, [row])), baud=servo.baud)
             except BusError as error:
-                tally.lost[next(name for kind, name, _ in _KINDS if isinstance(error, kind))] += 1
-                tally.by_servo[str(servo.target)] += 1
+                kind = next(name for error_type, name, _ in _KINDS if isinstance(error, error_type))
+                tally.lost[kind] += 1
+                lost[kind] += 1
                 missed += 1
             else:
                 tally.times.append(bus.transport.now() - start)

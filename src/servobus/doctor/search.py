@@ -5,7 +5,7 @@ from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from servobus.bus import Bus, BusServo
-from servobus.doctor.findings import SHOWN, Finding, Level, Watcher, at, command, id_list
+from servobus.doctor.findings import SHOWN, Finding, Level, Watcher, at, command, id_list, twins
 from servobus.errors import Garbled
 from servobus.families.base import Answers, Family
 from servobus.procedures import Found, Progress, Trouble
@@ -52,7 +52,7 @@ def search(bus: Bus, plan: Plan, watch: Watcher) -> Generator[Finding, None, lis
     if seen.found:
         yield from _who(port, seen.found)
         yield _speeds(port, seen.found)
-    else:
+    elif not seen.troubles:
         yield _nobody(port, plan)
     yield from _twice(port, seen)
     return seen.servos
@@ -89,7 +89,7 @@ def _nobody(port: str, plan: Plan) -> Finding:
     )
     everything = all(set(bauds) >= set(family.bauds) for family, bauds in plan.rounds) or plan.spare
     mend = () if everything else (command("doctor", port, "--baud all"),)
-    return Finding(Level.FAIL, "servos", f"nobody answers clearly (asked {asked})", cause, mend)
+    return Finding(Level.FAIL, "servos", f"nobody answers (asked {asked})", cause, mend)
 
 
 def _who(port: str, found: list[Found]) -> Iterator[Finding]:
@@ -143,10 +143,7 @@ def _twice(port: str, seen: Seen) -> Iterator[Finding]:
             yield Finding(Level.WARN, "ids", what, cause, (command("doctor", port, f"--family {others[0]}"),))
         elif isinstance(one.error, Garbled):
             taken = {near.id for near in seen.found} | {near.id for near in seen.troubles}
-            free = next((id for id in range(1, LAST_ID) if id not in taken), LAST_ID)
-            cause = f"two servos with id {one.id}? Leave one of them alone on the wire and give it another id; or noise"
-            mend = command("set-id", port, one.id, free, at(one.family, one.baud))
-            yield Finding(Level.FAIL, "ids", what, cause, (mend,))
+            yield twins(port, what, (one.family, one.id, one.baud), taken)
         else:
             yield Finding(Level.FAIL, "ids", what, "noise, or a servo that answers too late?")
     if (more := len(seen.troubles) - SHOWN) > 0:
