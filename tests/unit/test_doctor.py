@@ -234,6 +234,13 @@ class TestHealth:
         assert (finding.level, finding.what) == (Level.FAIL, "DRS-0602 ids 1, 2: temperature")
         assert finding.mend[0].endswith("$id status_error=0 status_detail=0; done")
 
+    def test_the_error_that_a_search_may_cause(self) -> None:
+        # The PING of a Dynamixel with id 7, FF FF 07 02 01 F5, is the start of a packet for a HerkuleX with id 2.
+        plan = Plan([(FAMILIES[name], (115_200,)) for name in ("dynamixel", "herkulex")], ids=range(12), reads=0)
+        finding = told(visit("drs0602@2?clock=virtual", plan=plan))["errors"]
+        assert (finding.level, finding.what) == (Level.WARN, "DRS-0602 id 2: invalid_packet")
+        assert "meant for another family" in finding.cause
+
     def test_errors_that_end_with_their_cause(self) -> None:
         finding = told(visit("rx28@1?clock=virtual&voltage=5"))["errors"]
         assert (finding.level, finding.what, finding.mend) == (Level.FAIL, "RX-28 id 1: input_voltage", ())

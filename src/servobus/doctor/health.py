@@ -16,6 +16,7 @@ _STRONG = "a supply that is made for other servos: switch it off before it does 
 _HOT = "too much load for too long, or a blocked shaft: take the load off, and let it cool without torque"
 _ENDS = "it ends when its cause does"
 _STAYS = "it stays until it is cleared: mend first what caused it"
+_FOREIGN = "noise, or requests that were meant for another family, as those of a search are"
 _SHUT = "an alarm has shut it down: mend first what caused that"
 
 
@@ -93,10 +94,13 @@ def _heat(servo: BusServo, degrees: float, hot: float) -> Iterator[Complaint]:
 def _errors(servo: BusServo, limit: float | None) -> Iterator[Complaint]:
     """Tell of alarms in the answers, and of a shutdown, which takes the torque limit away."""
     if servo.alarms:
+        said = servo.alarm_text()
         stays = "status_error" in servo.model.registers
         mend = ("write", "$id", "status_error=0", "status_detail=0") if stays else ()
-        cause = _STAYS if stays else _ENDS
-        yield Complaint(servo, Level.FAIL, "errors", None, servo.alarm_text(), cause, mend)
+        level, cause = Level.FAIL, _STAYS if stays else _ENDS
+        if said == "invalid_packet":  # of all errors the one that asking may have caused
+            level, cause = Level.WARN, _FOREIGN
+        yield Complaint(servo, level, "errors", None, said, cause, mend)
     if limit == 0:
         words = "the torque limit is 0, so nothing moves"
         yield Complaint(servo, Level.FAIL, "errors", None, words, _SHUT, ("write", "$id", "torque_limit=100"))
