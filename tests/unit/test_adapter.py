@@ -191,6 +191,13 @@ class TestAdapter:
         assert found is not None
         assert (found.latency_timer, found.latency, found.slow) == (None, None, False)
 
+    def test_that_is_unplugged_while_one_looks(self, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        def comports() -> list[object]:
+            raise TypeError("int() can't convert non-string with explicit base")  # what pyserial 3.5 says then
+
+        monkeypatch.setattr("serial.tools.list_ports.comports", comports)
+        assert adapter(PORT, root) is None
+
     @pytest.mark.parametrize("name", ["/dev/ttyUSB0", "socket://robot:3333"])
     def test_that_nobody_knows(self, root: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
         plugged(monkeypatch)

@@ -17,6 +17,7 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
         "scan": ("scan:scan", "Look for servos on a port."),
     },
     "Look": {
+        "doctor": ("doctor:doctor", "Find out what is wrong with a port and its servos."),
         "info": ("info:info", "Show all of one servo: data sheet, registers, alarms."),
         "read": ("values:read", "Read registers of a servo."),
         "step": ("step:step", "Measure a step response, virtual or real."),

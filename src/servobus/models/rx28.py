@@ -181,3 +181,6 @@ class RX28(Model):
     answer_level = status_return_level
     min_position = cw_angle_limit
     max_position = ccw_angle_limit
+    min_voltage = lowest_limit_voltage
+    max_voltage = highest_limit_voltage
+    max_temperature = highest_limit_temperature

@@ -253,7 +253,10 @@ def adapters() -> list[Adapter]:
         from serial.tools import list_ports  # noqa: PLC0415 - slow, and seldom wanted
     except ImportError:  # a system of which pyserial does not know how it lists its ports
         return []
-    return [_from(port) for port in list_ports.comports()]
+    try:
+        return [_from(port) for port in list_ports.comports()]
+    except (OSError, TypeError, ValueError):  # what pyserial makes of an adapter that is being unplugged
+        return []
 
 
 def adapter(name: str, root: Path = ROOT) -> Adapter | None:

@@ -43,7 +43,10 @@ _Wait = Callable[[float], list[tuple[int, int]]]
 
 
 class SerialPort(Transport):
-    """A port that pyserial opens and configures. Opening sends nothing and leaves torque as it is."""
+    """A port that pyserial opens and configures. Opening sends nothing and leaves torque as it is.
+
+    One thread may read at a time; another may write meanwhile.
+    """
 
     def __init__(self, name: str, baud: int) -> None:
         self.name, self.baud = name, baud

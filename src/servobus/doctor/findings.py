@@ -1,0 +1,84 @@
+"""A finding as a value, and the words that findings have in common."""
+
+import shlex
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from servobus.families.base import Family
+from servobus.protocols.ids import LAST_ID
+from servobus.units import show
+
+SHOWN = 3
+"""Things of one kind that are told one by one."""
+
+Watcher = Callable[[str, int, int], None]
+"""Called with what is being done, how much of it is done, and how much there is."""
+
+
+class Level(StrEnum):
+    """How bad a finding is."""
+
+    OK = "ok"
+    WARN = "warn"
+    FAIL = "fail"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What one check found.
+
+    check  what was looked at, in one or two words
+    what   what is the case
+    cause  why that may be so, and what to do about it by hand; empty if nothing is wrong
+    mend   commands that mend it, for a shell; some have several lines
+    """
+
+    level: Level
+    check: str
+    what: str
+    cause: str = ""
+    mend: tuple[str, ...] = ()
+
+
+def command(verb: str, port: str, *words: object) -> str:
+    """Write a command of ours as a shell takes it; empty words are left out."""
+    return " ".join(["servobus", verb, shlex.quote(port), *filter(None, map(str, words))])
+
+
+def for_each(ids: Iterable[int], command: str) -> str:
+    """Write a command for several servos; it has $id where the id belongs."""
+    listed = list(map(str, ids))
+    return (
+        command.replace("$id", listed[0]) if len(listed) == 1 else f"for id in {' '.join(listed)}; do {command}; done"
+    )
+
+
+def at(family: Family, baud: int) -> str:
+    """Give the option that finds a servo; none is needed at its factory speed."""
+    return "" if baud == family.default_baud else f"--baud {baud}"
+
+
+def twins(port: str, what: str, servo: tuple[Family, int, int], taken: Iterable[int]) -> Finding:
+    """Suspect that two servos have one id: they answer at once and garble each other.
+
+    `servo` is the family, the id and the speed in question; `taken` are the ids that are in use.
+    """
+    family, id, baud = servo
+    free = next((number for number in range(1, LAST_ID) if number not in {id, *taken}), LAST_ID)
+    cause = f"two servos with id {id}? Leave one of them alone on the wire and give it another id; or noise"
+    return Finding(Level.FAIL, "ids", what, cause, (command("set-id", port, id, free, at(family, baud)),))
+
+
+def id_list(ids: Iterable[int]) -> str:
+    """Name several servos: id 1; ids 1, 2."""
+    listed = sorted(ids)
+    return f"id{'s' * (len(listed) > 1)} {', '.join(map(str, listed))}"
+
+
+def span(values: Iterable[float], unit: str) -> str:
+    """Write the lowest and the highest of some values, or the one that they all are."""
+    listed = list(values)
+    low, high = show(min(listed), unit), show(max(listed), unit)
+    return low if low == high else f"{low} .. {high}"

@@ -1,0 +1,135 @@
+"""What servos say of themselves: supply, heat, and errors that stay."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from servobus.bus import Bus, BusServo
+from servobus.doctor.findings import Finding, Level, at, command, for_each, id_list, span
+from servobus.errors import BusError
+from servobus.units import show
+
+WARM = 10.0
+"""°C below its limit from which on a servo counts as warm."""
+
+_WEAK = "a weak or wrong supply, or long and thin wires: measure it at the servo while it moves"
+_STRONG = "a supply that is made for other servos: switch it off before it does harm"
+_HOT = "too much load for too long, or a blocked shaft: take the load off, and let it cool without torque"
+_ENDS = "it ends when its cause does"
+_STAYS = "it stays until it is cleared: mend first what caused it"
+_FOREIGN = "noise, or requests that were meant for another family, as those of a search are"
+_SHUT = "an alarm has shut it down: mend first what caused that"
+
+
+@dataclass(frozen=True, slots=True)
+class Complaint:
+    """What is wrong with one servo. Servos with the same complaint are told together.
+
+    value  what was measured, and its unit; None if the words say it
+    mend   words of the command that mends it, $id among them
+    """
+
+    servo: BusServo
+    level: Level
+    check: str
+    value: tuple[float, str] | None
+    words: str
+    cause: str
+    mend: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        servo = self.servo
+        return servo.model, servo.baud, self.level, self.check, self.words, self.cause, self.mend
+
+
+def health(bus: Bus, servos: list[BusServo]) -> Iterator[Finding]:
+    """Check voltage, temperature and latched errors. Changes nothing."""
+    complaints: list[Complaint] = []
+    heard: list[BusServo] = []
+    for servo in servos:
+        try:
+            complaints += _ask(servo)
+        except BusError as error:
+            complaints.append(Complaint(servo, Level.UNKNOWN, "errors", None, f"did not tell ({error})", ""))
+        else:
+            heard.append(servo)
+    states = [servo.state for servo in heard if servo.state is not None]
+    fine = {
+        "voltage": [Finding(Level.OK, "voltage", span((state.voltage for state in states), "V"))] if states else [],
+        "temperature": [Finding(Level.OK, "temperature", span((state.temperature for state in states), "degC"))]
+        if states
+        else [],
+        "errors": list(_without_errors(heard)),
+    }
+    for check, findings in fine.items():
+        yield from _together(bus, [one for one in complaints if one.check == check]) or findings
+
+
+def _ask(servo: BusServo) -> list[Complaint]:
+    state = servo.look()
+    rows = [servo.model.register(name) for name in ("min_voltage", "max_voltage", "max_temperature")]
+    low, high, hot = servo.read_many(rows).values()
+    row = servo.model.registers.get("torque_limit")
+    limit = None if row is None else servo.read(row)
+    return [*_voltage(servo, state.voltage, low, high), *_heat(servo, state.temperature, hot), *_errors(servo, limit)]
+
+
+def _voltage(servo: BusServo, volts: float, low: float, high: float) -> Iterator[Complaint]:
+    least, most = servo.model.sheet.voltage
+    if not low <= volts <= high:
+        words = f"is outside {show(low, 'V')} .. {show(high, 'V')}, the limits set in it"
+        yield Complaint(servo, Level.FAIL, "voltage", (volts, "V"), words, _WEAK if volts < low else _STRONG)
+    elif not least <= volts <= most:
+        words = f"is outside {show(least, 'V')} .. {show(most, 'V')}, what its maker allows"
+        yield Complaint(servo, Level.WARN, "voltage", (volts, "V"), words, _WEAK if volts < least else _STRONG)
+
+
+def _heat(servo: BusServo, degrees: float, hot: float) -> Iterator[Complaint]:
+    if degrees > hot - WARM:
+        level = Level.FAIL if degrees > hot else Level.WARN
+        words = f"where {show(hot, 'degC')} is the limit set in it"
+        yield Complaint(servo, level, "temperature", (degrees, "degC"), words, _HOT, ("torque", "$id", "off"))
+
+
+def _errors(servo: BusServo, limit: float | None) -> Iterator[Complaint]:
+    """Tell of alarms in the answers, and of a shutdown, which takes the torque limit away."""
+    if servo.alarms:
+        said = servo.alarm_text()
+        stays = "status_error" in servo.model.registers
+        mend = ("write", "$id", "status_error=0", "status_detail=0") if stays else ()
+        level, cause = Level.FAIL, _STAYS if stays else _ENDS
+        if said == "invalid_packet":  # of all errors the one that asking may have caused
+            level, cause = Level.WARN, _FOREIGN
+        yield Complaint(servo, level, "errors", None, said, cause, mend)
+    if limit == 0:
+        words = "the torque limit is 0, so nothing moves"
+        yield Complaint(servo, Level.FAIL, "errors", None, words, _SHUT, ("write", "$id", "torque_limit=100"))
+
+
+def _without_errors(servos: list[BusServo]) -> Iterator[Finding]:
+    mute = {servo.model.title for servo in servos if servo.family.ping(servo.id).alarms is None}
+    if any(servo.model.title not in mute for servo in servos):
+        yield Finding(Level.OK, "errors", "none")
+    if mute:
+        yield Finding(Level.UNKNOWN, "errors", f"{' and '.join(sorted(mute))} cannot be asked for them")
+
+
+def _together(bus: Bus, complaints: list[Complaint]) -> list[Finding]:
+    groups: dict[tuple[object, ...], list[Complaint]] = {}
+    for one in complaints:
+        groups.setdefault(one.key, []).append(one)
+    return [_told(bus.transport.name, group) for group in groups.values()]
+
+
+def _told(port: str, group: list[Complaint]) -> Finding:
+    one, servo = group[0], group[0].servo
+    ids = [member.servo.id for member in group]
+    value = ""
+    if one.value is not None:
+        value = span((member.value[0] for member in group if member.value is not None), one.value[1]) + " "
+    what = f"{servo.model.title} {id_list(ids)}: {value}{one.words}"
+    mend: tuple[str, ...] = ()
+    if one.mend:
+        verb, *words = one.mend
+        mend = (for_each(ids, command(verb, port, *words, at(servo.family, servo.baud))),)
+    return Finding(one.level, one.check, what, one.cause, mend)

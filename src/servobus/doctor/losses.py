@@ -1,0 +1,120 @@
+"""How many answers are lost, why, and how long the others take."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+from servobus.bus import Bus, BusServo
+from servobus.doctor.findings import Finding, Level, Watcher, twins
+from servobus.errors import BadChecksum, BusError, Garbled, NoReply, WrongReply
+from servobus.exchange import Exchange, Procedure
+
+T = TypeVar("T")
+
+LOSSY = 0.01
+"""Share of lost answers from which on a bus is not usable; below it is worth a look."""
+HOPELESS = 20
+"""Answers lost in a row after which a servo is asked no more."""
+
+_KINDS: tuple[tuple[type[BusError], str, str], ...] = (
+    (BadChecksum, "with a wrong checksum", "noise, a line without termination, or two servos with one id"),
+    (Garbled, "garbled", "noise, a missing ground wire, or two servos with one id"),
+    (WrongReply, "of another servo or request", "another program on the line, or answers that come too late"),
+    (NoReply, "silent", "a loose plug, a servo that restarts for want of power, or an adapter slower than it says"),
+    (BusError, "refused", "a servo that does not know the request"),
+)
+"""What was lost, in words, and what may be its cause; the first that fits."""
+_CAUSES = {kind: cause for _, kind, cause in _KINDS}
+_UNCLEAR = [kind for error, kind, _ in _KINDS if issubclass(error, Garbled)]
+_QUANTILES = (("median", 0.5), ("p99", 0.99), ("longest", 1.0))
+
+
+@dataclass(slots=True)
+class Tally:
+    """Reads that were counted: how long each took in seconds, and why others were lost."""
+
+    times: list[float] = field(default_factory=list)
+    lost: Counter[str] = field(default_factory=Counter)
+    by_servo: dict[BusServo, Counter[str]] = field(default_factory=dict)
+    """What was lost, by servo and kind."""
+
+    @property
+    def reads(self) -> int:
+        return len(self.times) + self.lost.total()
+
+    def quantile(self, share: float) -> float:
+        """Give the time within which this share of the answers came, s."""
+        times = sorted(self.times)
+        return times[min(int(share * len(times)), len(times) - 1)]
+
+
+def losses(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher) -> Iterator[Finding]:
+    """Read positions so many times in all, and say how many answers were lost."""
+    tally = count(bus, servos, reads, watch)
+    taken = [servo.id for servo in servos]
+    for servo, lost in tally.by_servo.items():
+        if sum(lost[kind] for kind in _UNCLEAR) >= HOPELESS:
+            what = f"{servo.target}: its answers are garbled again and again"
+            yield twins(bus.transport.name, what, (servo.family, servo.id, servo.baud), taken)
+    yield _sum_up(tally)
+
+
+def _sum_up(tally: Tally) -> Finding:
+    times = []
+    if tally.times:
+        took = ", ".join(f"{name} {1000 * tally.quantile(share):.2f} ms" for name, share in _QUANTILES)
+        times = [f"answers after {took}"]
+    lost = tally.lost.total()
+    if not lost:
+        return Finding(Level.OK, "reads", "; ".join([f"{tally.reads}, none lost", *times]))
+    kinds = ", ".join(f"{number} {kind}" for kind, number in tally.lost.most_common())
+    what = [f"{lost} of {tally.reads} lost ({100 * lost / tally.reads:.1f} %): {kinds}"]
+    if len(tally.by_servo) > 1:
+        worst = max(tally.by_servo, key=lambda servo: tally.by_servo[servo].total())
+        what.append(f"worst is {worst.target} with {tally.by_servo[worst].total()}")
+    level = Level.FAIL if lost >= LOSSY * tally.reads else Level.WARN
+    return Finding(level, "reads", "; ".join(what + times), _CAUSES[tally.lost.most_common(1)[0][0]])
+
+
+def count(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher = lambda *_: None) -> Tally:
+    """Read the position of each servo, so many times in all, and count what is lost. Nothing is asked twice."""
+    tally = Tally()
+    share, rest = divmod(reads, len(servos))
+    done = 0
+    for number, servo in enumerate(servos):
+        row = servo.model.register("present_position")
+        lost = tally.by_servo.setdefault(servo, Counter())
+        missed = 0
+        with suppress(BusError):  # what follows a change of speed is no part of what is measured
+            bus.do(replace(servo.family.ping(servo.id), repeatable=False), baud=servo.baud)
+        for _ in range(share + (number < rest)):
+            start = bus.transport.now()
+            try:
+                bus.do(_once(servo.family.read(servo.target, [row])), baud=servo.baud)
+            except BusError as error:
+                kind = next(name for error_type, name, _ in _KINDS if isinstance(error, error_type))
+                tally.lost[kind] += 1
+                lost[kind] += 1
+                missed += 1
+            else:
+                tally.times.append(bus.transport.now() - start)
+                missed = 0
+            done += 1
+            watch("reading", done, reads)
+            if missed == HOPELESS:
+                break
+    return tally
+
+
+def _once(job: Procedure[T]) -> Procedure[T]:
+    """Carry out a job without the second tries that would hide what is lost."""
+    result: Any = None
+    while True:
+        try:
+            step = job.send(result)
+        except StopIteration as stop:
+            done: T = stop.value
+            return done
+        result = yield replace(step, repeatable=False) if isinstance(step, Exchange) else step

@@ -1,0 +1,152 @@
+"""Who answers, at which speeds, and whether each is there once."""
+
+from collections import Counter
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from servobus.bus import Bus, BusServo
+from servobus.doctor.findings import SHOWN, Finding, Level, Watcher, at, command, id_list, twins
+from servobus.errors import Garbled
+from servobus.families.base import Answers, Family
+from servobus.procedures import Found, Progress, Trouble
+from servobus.protocols.ids import LAST_ID
+
+Rounds = Sequence[tuple[Family, tuple[int, ...]]]
+"""Families to ask, each with its speeds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What to look for, and how long.
+
+    rounds  families and speeds to ask
+    spare   families and speeds to ask if nobody answers there, until somebody does
+    ids     ids to ask
+    reads   how many reads to count lost answers in
+    """
+
+    rounds: Rounds
+    spare: Rounds = ()
+    ids: Sequence[int] = range(LAST_ID + 1)
+    reads: int = 1000
+
+
+@dataclass(slots=True)
+class Seen:
+    """What a search saw."""
+
+    servos: list[BusServo] = field(default_factory=list)
+    found: list[Found] = field(default_factory=list)
+    troubles: list[Trouble] = field(default_factory=list)
+
+
+def search(bus: Bus, plan: Plan, watch: Watcher) -> Generator[Finding, None, list[BusServo]]:
+    """Look for servos; give those that can be spoken to. Moves nothing, changes nothing."""
+    seen = _look(bus, plan.rounds, plan.ids, watch)
+    if not seen.found and not seen.troubles and plan.spare:
+        seen = _look(bus, plan.spare, plan.ids, watch, until_found=True)
+    if bus.echo is not None:
+        heard = "the adapter hears what it sends; that is taken out" if bus.echo else "none"
+        yield Finding(Level.OK, "echo", heard)
+    port = bus.transport.name
+    if seen.found:
+        yield from _who(port, seen.found)
+        yield _speeds(port, seen.found)
+    elif not seen.troubles:
+        yield _nobody(port, plan)
+    yield from _twice(port, seen)
+    return seen.servos
+
+
+def _look(bus: Bus, rounds: Rounds, ids: Sequence[int], watch: Watcher, *, until_found: bool = False) -> Seen:
+    seen = Seen()
+    total = len(ids) * sum(len(bauds) for _, bauds in rounds)
+    done = 0
+
+    def tell(_: Progress) -> None:
+        nonlocal done
+        done += 1
+        watch("scanning", done, total)
+
+    for family, bauds in rounds:
+        for baud in bauds:
+            seen.servos += bus.scan(family=family, bauds=[baud], ids=ids, watch=tell)
+            seen.found += bus.survey.found
+            seen.troubles += bus.survey.troubles
+            if seen.found and until_found:
+                return seen
+    return seen
+
+
+def _nobody(port: str, plan: Plan) -> Finding:
+    speeds: dict[str, list[int]] = {}
+    for family, bauds in [*plan.rounds, *plan.spare]:
+        speeds.setdefault(family.name, []).extend(bauds)
+    asked = ", ".join(f"{name} at {'/'.join(map(str, bauds))}" for name, bauds in speeds.items())
+    cause = (
+        "no power, no common ground, a wire that is loose or in the wrong place, an adapter that does not switch "
+        "its direction, or a speed or an id that was not asked"
+    )
+    everything = all(set(bauds) >= set(family.bauds) for family, bauds in plan.rounds) or plan.spare
+    mend = () if everything else (command("doctor", port, "--baud all"),)
+    return Finding(Level.FAIL, "servos", f"nobody answers (asked {asked})", cause, mend)
+
+
+def _who(port: str, found: list[Found]) -> Iterator[Finding]:
+    kinds: dict[str, list[int]] = {}
+    for one in found:
+        kinds.setdefault(one.model.title if one.model else f"unknown {one.family.title}", []).append(one.id)
+    yield Finding(Level.OK, "servos", "; ".join(f"{title} {id_list(ids)}" for title, ids in kinds.items()))
+    for one in found:
+        if one.model is None:
+            what = f"id {one.id} is {one.family.title} model {one.identity.number}, not known here"
+            yield Finding(Level.WARN, "servos", what, "its registers cannot be read or written by name")
+        elif one.identity.answers is Answers.NOTHING:
+            row = one.model.register("answer_level").name
+            mend = command("write", port, one.id, f"{row}={Answers.EVERYTHING.value}", at(one.family, one.baud))
+            what = f"{one.model.title} id {one.id} answers no reads: nothing else is known of it"
+            yield Finding(Level.WARN, "servos", what, f"its {row} is {Answers.NOTHING.value}", (mend,))
+
+
+def _speeds(port: str, found: list[Found]) -> Finding:
+    groups: dict[Family, list[Found]] = {}
+    for one in found:
+        groups.setdefault(one.family, []).append(one)
+    said, odd = [], []
+    for family, members in groups.items():
+        counts = Counter(one.baud for one in members)
+        usual = counts.most_common(1)[0][0]
+        odd += [(one, usual) for one in members if one.baud != usual]
+        for baud in sorted(counts):
+            unusual = "" if baud == family.default_baud else f" (from the factory {family.default_baud})"
+            said.append(f"{family.name} at {baud}{unusual}")
+    what = ", ".join(said)
+    if not odd:
+        strange = [one for one in found if one.baud != one.family.default_baud]
+        cause = f"other commands find them with {at(strange[0].family, strange[0].baud)}" if strange else ""
+        return Finding(Level.OK, "speed", what, cause)
+    cause = "servos of one wire have different speeds: each hears what is meant for the others as garbage"
+    mend = tuple(
+        command("set-baud", port, one.id, usual, f"--family {one.family.name}", f"--baud {one.baud}")
+        for one, usual in odd[:SHOWN]
+    )
+    return Finding(Level.WARN, "speed", what, cause, mend)
+
+
+def _twice(port: str, seen: Seen) -> Iterator[Finding]:
+    """Tell of answers that made no sense. Two servos with one id answer at once, and garble each other."""
+    for one in seen.troubles[:SHOWN]:
+        what = f"{one.family.title} id {one.id} at {one.baud}: something answers, but not clearly ({one.error})"
+        others = [near.family.name for near in seen.found if near.baud == one.baud and near.family is not one.family]
+        if others:
+            cause = "a servo of another family that heard what was not meant for it?"
+            yield Finding(Level.WARN, "ids", what, cause, (command("doctor", port, f"--family {others[0]}"),))
+        elif isinstance(one.error, Garbled):
+            taken = {near.id for near in seen.found} | {near.id for near in seen.troubles}
+            yield twins(port, what, (one.family, one.id, one.baud), taken)
+        else:
+            yield Finding(Level.FAIL, "ids", what, "noise, or a servo that answers too late?")
+    if (more := len(seen.troubles) - SHOWN) > 0:
+        yield Finding(Level.WARN, "ids", f"and {more} more unclear answers, probably of the same cause")
+    if seen.found and not seen.troubles:
+        yield Finding(Level.OK, "ids", "each is there once, as far as answers tell")
