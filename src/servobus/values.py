@@ -20,8 +20,8 @@ T = TypeVar("T")
 def frozen(cls: type[T]) -> type[T]:
     """Make a class of annotated fields one of values: compared and hashed by their fields, not to be changed.
 
-    It takes at least one field, those with a default last; fields of a base class do not count. Methods that the
-    class defines itself stay.
+    It takes at least one field, those with a default last, and no default that can change. Fields of a base class
+    do not count; methods that the class defines itself stay.
     """
     names = tuple(cls.__annotations__)
     own = {name: item for name, item in vars(cls).items() if name not in ("__dict__", "__weakref__", *names)}
