@@ -1,7 +1,5 @@
 """Backing up and restoring the settings of a servo: what survives power-off, in a file that people can read."""
 
-import tomllib
-from dataclasses import dataclass
 from typing import Any
 
 from servobus import models
@@ -9,9 +7,10 @@ from servobus.errors import BusError, UsageError
 from servobus.exchange import Procedure
 from servobus.families.base import Model, Target
 from servobus.registers import Area, Register
+from servobus.values import frozen
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Backup:
     """All settings of a servo that survive power-off, raw, with what they belong to."""
 
@@ -44,6 +43,8 @@ class Backup:
     @classmethod
     def parse(cls, text: str) -> "Backup":
         """Read a backup file. Raises UsageError for anything that is not one."""
+        import tomllib  # noqa: PLC0415 - slow to import, and only needed to restore
+
         try:
             data = tomllib.loads(text)
             model = models.model(data["model"])

@@ -11,16 +11,17 @@ driver carry out the same code:
 """
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, field
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from servobus.errors import BadChecksum, BrokenEcho, BusError, DuplicateId, Garbled, NoReply, ShortReply, WrongReply
 from servobus.framing import INCOMPLETE, Corrupt, Decoder, Event, Framing, Noise, Packet
+from servobus.values import frozen
 
 T = TypeVar("T")
+S = TypeVar("S")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Reply:
     """What a reply must look like to be one.
 
@@ -53,9 +54,8 @@ class Reply:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Exchange(Generic[T]):
-    """One request and its reply, as a value.
+    """One request and its reply, as a value: nobody changes it.
 
     what        for people: "RX-28 id 1: read present_position"
     interpret   turns the reply's packet into the result; raises Refused. Where nothing answers it is given an
@@ -66,24 +66,44 @@ class Exchange(Generic[T]):
     repeatable  whether it may be sent again if no answer comes: what only asks, and what sets RAM to a value
     """
 
-    what: str
-    framing: Framing
-    request: bytes
-    interpret: Callable[[Packet], T]
-    reply: Reply | None = None
-    alarms: Callable[[Packet], int] | None = None
-    turnaround: float = 0.0
-    repeatable: bool = False
-    id: int = field(init=False)
-    """The servo that is asked."""
-    reply_size: int = field(init=False)
-    """Longest reply in bytes on the wire."""
+    __slots__ = (
+        "alarms", "framing", "id", "interpret", "repeatable", "reply", "reply_size", "request", "turnaround", "what",
+    )  # fmt: skip
 
-    def __post_init__(self) -> None:
-        packet, _ = self.framing.unframe(self.request)
-        object.__setattr__(self, "id", packet.id)
-        size = 0 if self.reply is None else self.framing.overhead + max(self.reply.sizes)
-        object.__setattr__(self, "reply_size", size)
+    def __init__(
+        self,
+        what: str,
+        framing: Framing,
+        request: bytes,
+        interpret: Callable[[Packet], T],
+        reply: Reply | None = None,
+        alarms: Callable[[Packet], int] | None = None,
+        turnaround: float = 0.0,
+        *,
+        repeatable: bool = False,
+    ) -> None:
+        self.what, self.framing, self.request, self.interpret = what, framing, request, interpret
+        self.reply, self.alarms, self.turnaround, self.repeatable = reply, alarms, turnaround, repeatable
+        self.id = framing.unframe(request)[0].id
+        """The servo that is asked."""
+        self.reply_size = 0 if reply is None else framing.overhead + max(reply.sizes)
+        """Longest reply in bytes on the wire."""
+
+    def __repr__(self) -> str:
+        return f"<{self.what}>"
+
+    def giving(self, interpret: Callable[[Packet], S]) -> "Exchange[S]":
+        """Make the same question with another way to read the answer."""
+        return Exchange(
+            self.what, self.framing, self.request, interpret, self.reply, self.alarms, self.turnaround,
+            repeatable=self.repeatable,
+        )  # fmt: skip
+
+    def once(self) -> "Exchange[T]":
+        """Make the same question, never to be asked again."""
+        single = self.giving(self.interpret)
+        single.repeatable = False
+        return single
 
     def looks_like_its_reply(self) -> bool:
         """Tell whether the request could be taken for its own answer, so that an echo would be one.
@@ -94,14 +114,14 @@ class Exchange(Generic[T]):
         return self.reply is not None and self.reply.fits(packet)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SetBaud:
     """Step of a procedure: talk at this speed from now on."""
 
     baud: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Pause:
     """Step of a procedure: let this many seconds pass. `shared` lets others use the line meanwhile."""
 
@@ -109,7 +129,7 @@ class Pause:
     shared: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Volley:
     """Step of a procedure: several questions of one family, each sent before the answer to the last is in.
 

@@ -13,22 +13,30 @@ long, and no more than one longest packet is ever kept: linear time, bounded mem
 """
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
 from typing import TypeAlias
 
+from servobus.values import frozen
 
-@dataclass(frozen=True, slots=True)
+
+@frozen
 class Packet:
     """One packet without its framing. `code` is the command, instruction or error byte."""
 
     id: int
     code: int
     data: bytes = b""
-    end: int = field(default=0, compare=False)
+    end: int = 0
     """Position in the stream just behind the last byte: with the bit time this dates the packet."""
 
+    def __eq__(self, other: object) -> bool:
+        """Where a packet stood in the stream does not count."""
+        return isinstance(other, Packet) and (self.id, self.code, self.data) == (other.id, other.code, other.data)
 
-@dataclass(frozen=True, slots=True)
+    def __hash__(self) -> int:
+        return hash((self.id, self.code, self.data))
+
+
+@frozen
 class Corrupt:
     """A packet-shaped run of bytes that fails its checksum; `packet` is what it would have said."""
 
@@ -36,7 +44,7 @@ class Corrupt:
     raw: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Noise:
     """Bytes that are no packet."""
 

@@ -13,7 +13,6 @@ awaiting. Five rules keep it from ever giving a wrong answer:
 """
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass, replace
 from time import monotonic
 from typing import Any, Final, TypeAlias, TypeVar
 
@@ -23,6 +22,7 @@ from servobus.framing import Framing, Noise, Packet
 from servobus.protocols.ids import BROADCAST
 from servobus.stats import Counts, Stats
 from servobus.transports.base import Transport
+from servobus.values import frozen
 
 T = TypeVar("T")
 
@@ -48,14 +48,14 @@ DEPTH = 32
 """Questions under way at once, at most."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Listen:
     """Wait: up to this many seconds for bytes; the generator is sent what came."""
 
     seconds: float
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Rest:
     """Wait: let this many seconds pass. `shared` lets others use the line meanwhile."""
 
@@ -103,7 +103,7 @@ class Latency:
         self._peak = max(faded, late)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Pace:
     """What the shortest way needs to know of an exchange at one speed."""
 
@@ -114,7 +114,7 @@ class _Pace:
     counts: Counts
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Lost:
     """An answer that was given up and may still come."""
 
@@ -539,7 +539,7 @@ class Link:
 
     def _salvo(self, exchanges: Sequence[Exchange[Any]]) -> Waits[list[Any]]:
         """Send several questions without waiting for each answer; ask again singly what did not come through."""
-        yield from self._ready(replace(exchanges[0], repeatable=False))
+        yield from self._ready(exchanges[0].once())
         gathering = Gathering(exchanges, echo=self.echo is True)
         try:
             if exchanges[0].framing.filler:

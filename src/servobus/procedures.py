@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 
 from servobus import models
 from servobus.errors import BadValue, BusError, MoveTimeout, NoReply, TorqueOff, UsageError
@@ -10,6 +9,7 @@ from servobus.exchange import Pause, Procedure, SetBaud, Volley, ask
 from servobus.families.base import Answers, Family, Identity, Leg, Model, Target
 from servobus.protocols.ids import LAST_ID, check_id
 from servobus.units import deg, show
+from servobus.values import frozen
 
 DEFAULT_SPEED = 90 * deg
 """Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try."""
@@ -20,7 +20,7 @@ SHORTEST = 0.02
 # Looking
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class State:
     """What one wants to see of a servo first."""
 
@@ -52,7 +52,7 @@ def look(target: Target) -> Procedure[State]:
 # Moving
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Course:
     """A move of servos of one family: who goes where, and when all should be there."""
 
@@ -163,7 +163,7 @@ def arrive(course: Course, *, timeout: float | None = None, tolerance: float = 3
 # Finding
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Found:
     """A servo that answered. `model` is None if its number is of no model known here."""
 
@@ -176,7 +176,7 @@ class Found:
     """None for a servo whose registers cannot be read: an unknown model, or one that answers nothing."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Trouble:
     """Something answered that made no sense."""
 
@@ -191,7 +191,7 @@ class Trouble:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Progress:
     """How far a scan is."""
 
@@ -203,12 +203,12 @@ class Progress:
     found: Found | None = None
 
 
-@dataclass(slots=True)
 class Survey:
     """What a scan saw."""
 
-    found: list[Found] = field(default_factory=list)
-    troubles: list[Trouble] = field(default_factory=list)
+    def __init__(self) -> None:
+        self.found: list[Found] = []
+        self.troubles: list[Trouble] = []
 
 
 AT_ONCE = 16
@@ -236,7 +236,7 @@ def scan(
         for start in range(0, len(wanted), AT_ONCE):
             some = wanted[start : start + AT_ONCE]
             # A scan mostly meets silence: it does not ask twice, but where something was heard.
-            answers = yield Volley([replace(family.ping(id), repeatable=False) for id in some])
+            answers = yield Volley([family.ping(id).once() for id in some])
             for id, answer in zip(some, answers, strict=True):
                 done += 1
                 found = None

@@ -11,11 +11,11 @@ A `RegisterMap` is checked when its class is made: a wrong table cannot be impor
 
 import enum
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 
 from servobus.errors import BadValue, UnknownName
 from servobus.units import Scale
+from servobus.values import frozen
 
 T = TypeVar("T")
 
@@ -35,7 +35,7 @@ class Area(enum.Enum):
     RAM = "ram"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Int:
     """An integer in `size` bytes, low byte first.
 
@@ -78,28 +78,28 @@ S16 = Int(2, signed=True)
 # Where a register lives. Each family has its own kinds of place.
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Address:
     """One address in the control table (Dynamixel)."""
 
     address: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Eep:
     """An address in the non-volatile map only (HerkuleX)."""
 
     eep: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Ram:
     """An address in the volatile map only (HerkuleX)."""
 
     ram: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class EepRam:
     """An address in each map: start value in `eep`, working value in `ram` (HerkuleX)."""
 
@@ -107,7 +107,7 @@ class EepRam:
     ram: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Pair:
     """A pair of commands, with the byte of their parameters at which the value stands (LewanSoul).
 

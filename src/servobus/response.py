@@ -1,10 +1,11 @@
 """A step response: what a servo does when it is told to be somewhere else, in samples and in figures."""
 
 import math
-from dataclasses import dataclass
+
+from servobus.values import frozen
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Sample:
     """One moment of a step response. What cannot be known of a servo is nan."""
 
@@ -26,7 +27,7 @@ class Sample:
     """degC, of the case"""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Figures:
     """What one says of a step response. nan where it did not get that far, or cannot be known.
 
@@ -48,7 +49,7 @@ BAND = 0.02
 """Share of the way that counts as settled: the usual 2 %."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Response:
     """The samples of a step from `start` to `goal` (rad), in the order of time."""
 

@@ -5,7 +5,6 @@ out and gives the result, or an awaitable of it.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from enum import IntFlag
 from typing import Any, TypeVar
 
@@ -228,7 +227,7 @@ class Servo:
         reading = self.family.reading(self.target, [register])
         (exchange,), ((_, part, layout),) = reading.exchanges, reading.places
         answer, unpack, decode = exchange.interpret, layout.unpack, register.decode
-        return replace(exchange, interpret=lambda packet: decode(unpack(answer(packet)[part])))  # type: ignore[arg-type, return-value] # an exchange of another result
+        return exchange.giving(lambda packet: decode(unpack(answer(packet)[part])))
 
     def _own(self, register: Register[T] | str) -> Register[T]:
         if isinstance(register, str):

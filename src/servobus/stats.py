@@ -1,34 +1,32 @@
 """What happened on a bus, in numbers: `print(bus.stats)`."""
 
-from dataclasses import dataclass, field, fields
+COLUMNS = (
+    "sent", "received", "timeouts", "checksum", "strangers", "late", "doubled", "echo", "junk", "retries", "worst",
+)  # fmt: skip
 
 
-@dataclass(slots=True)
 class Counts:
-    """Counters of one servo, or of a whole bus."""
+    """Counters of one servo, or of a whole bus.
 
-    sent: int = 0
-    """Requests."""
-    received: int = 0
-    """Answers that fit."""
-    timeouts: int = 0
-    """Requests that should have been answered and met silence."""
-    checksum: int = 0
-    """Packets with a wrong checksum."""
-    strangers: int = 0
-    """Good packets that answered nothing."""
-    late: int = 0
-    """Answers that came after they had been given up."""
-    doubled: int = 0
-    """Second answers to one question."""
-    echo: int = 0
-    """Echoes that were not what was sent."""
-    junk: int = 0
-    """Bytes that were no packet."""
-    retries: int = 0
-    """Requests that were sent again."""
-    worst: float = 0.0
-    """Longest time from the end of a request to the end of its answer, s, less the answer's bits."""
+    sent       requests
+    received   answers that fit
+    timeouts   requests that should have been answered and met silence
+    checksum   packets with a wrong checksum
+    strangers  good packets that answered nothing
+    late       answers that came after they had been given up
+    doubled    second answers to one question
+    echo       echoes that were not what was sent
+    junk       bytes that were no packet
+    retries    requests that were sent again
+    worst      longest time that an answer came later than its bits allow, s: return delay, adapter and system
+    """
+
+    __slots__ = COLUMNS
+
+    def __init__(self) -> None:
+        self.sent = self.received = self.timeouts = self.checksum = self.strangers = self.late = 0
+        self.doubled = self.echo = self.junk = self.retries = 0
+        self.worst = 0.0
 
     @property
     def failed(self) -> int:
@@ -36,11 +34,11 @@ class Counts:
         return self.timeouts + self.checksum + self.echo
 
 
-@dataclass(slots=True)
 class Stats:
     """Counters by id; `total` sums them up. Broadcasts count under id 254."""
 
-    servos: dict[int, Counts] = field(default_factory=dict)
+    def __init__(self) -> None:
+        self.servos: dict[int, Counts] = {}
 
     def __getitem__(self, id: int) -> Counts:
         """Give the counters of one id; they begin at 0 for one never asked."""
@@ -63,9 +61,6 @@ class Stats:
         rows = [(str(id), counts) for id, counts in sorted(self.servos.items()) if counts.sent]
         head = "id".rjust(5) + "".join(name.rjust(max(6, len(name) + 1)) for name in COLUMNS)
         return "\n".join([head, *(_line(*row) for row in [*rows, ("total", self.total)])])
-
-
-COLUMNS = tuple(column.name for column in fields(Counts))
 
 
 def _line(name: str, counts: Counts) -> str:

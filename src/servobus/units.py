@@ -14,9 +14,10 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from enum import IntEnum, IntFlag
 from typing import Any, Generic, TypeVar
+
+from servobus.values import frozen
 
 deg = math.pi / 180
 """One degree in radians: `90 * deg`."""
@@ -55,11 +56,11 @@ class Scale(ABC, Generic[T]):
         return str(value)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Quantity(Scale[float]):
     """value = (raw - zero) * step, in `unit`."""
 
-    unit: str = field()
+    unit: str
     step: float
     zero: int = 0
 
@@ -78,7 +79,7 @@ class Quantity(Scale[float]):
         return show(value, self.unit)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Count(Scale[int]):
     """The raw integer is the value; `unit` says what is counted, if anything ("position unit", "pwm")."""
 
@@ -99,7 +100,7 @@ class Count(Scale[int]):
             raise ValueError(f"{text!r} is not a whole number") from None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Switch(Scale[bool]):
     """Off and on. `on` is the raw value that means on: 0 for the inverted LED of the LX servos."""
 
@@ -125,7 +126,7 @@ class Switch(Scale[bool]):
         return "on" if value else "off"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Choice(Scale[EnumT]):
     """One of the members of an IntEnum."""
 
@@ -156,7 +157,7 @@ class Choice(Scale[EnumT]):
         return ", ".join(f"{option.name.lower()} ({option:d})" for option in self.options)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Flags(Scale[FlagT]):
     """A set of bits with names. Bits without a name are kept as they are."""
 
@@ -190,7 +191,7 @@ class Flags(Scale[FlagT]):
         return "+".join(names + ([f"{rest:#04x}"] if rest else [])) or "none"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Divided(Scale[int]):
     """value = clock / (raw + 1), rounded: how Dynamixel protocol 1.0 codes its speeds."""
 
@@ -216,7 +217,7 @@ class Divided(Scale[int]):
         return f"{value} baud"
 
 
-@dataclass(frozen=True)
+@frozen
 class Table(Scale[int]):
     """value = codes[raw]: how HerkuleX codes its speeds."""
 

@@ -1,6 +1,5 @@
 """The packets of the RX-28 manual, both ways."""
 
-from dataclasses import replace
 from functools import reduce
 from operator import or_
 
@@ -21,6 +20,7 @@ from servobus.protocols.dynamixel1 import (
     parse_status,
 )
 from servobus.registers import Address
+from servobus.values import replace
 
 CASES = load("dynamixel")
 MISPRINTS = [case for case in CASES if not case.valid]

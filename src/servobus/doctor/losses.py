@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from servobus.bus import Bus, BusServo
@@ -88,7 +88,7 @@ def count(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher = lam
         lost = tally.by_servo.setdefault(servo, Counter())
         missed = 0
         with suppress(BusError):  # what follows a change of speed is no part of what is measured
-            bus.do(replace(servo.family.ping(servo.id), repeatable=False), baud=servo.baud)
+            bus.do(servo.family.ping(servo.id).once(), baud=servo.baud)
         for _ in range(share + (number < rest)):
             start = bus.transport.now()
             try:
@@ -117,4 +117,4 @@ def _once(job: Procedure[T]) -> Procedure[T]:
         except StopIteration as stop:
             done: T = stop.value
             return done
-        result = yield replace(step, repeatable=False) if isinstance(step, Exchange) else step
+        result = yield step.once() if isinstance(step, Exchange) else step

@@ -6,7 +6,6 @@ here. What only one family can do is a function in its own module, under its man
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, ClassVar, TypeVar
 
@@ -14,6 +13,7 @@ from servobus.errors import BadValue, UsageError
 from servobus.exchange import Exchange, Procedure, ask
 from servobus.framing import Framing, Packet
 from servobus.registers import Int, Register, RegisterMap
+from servobus.values import frozen
 
 T = TypeVar("T")
 
@@ -26,7 +26,7 @@ class Answers(IntEnum):
     EVERYTHING = 2
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Performance:
     """One line of a data sheet: what the servo reaches at this voltage."""
 
@@ -38,7 +38,7 @@ class Performance:
     """rad/s without load"""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SpecSheet:
     """The maker's specification of a model, in SI units. None where the manual does not say."""
 
@@ -81,7 +81,7 @@ class Model(RegisterMap):
         return cls.title.replace("-", "").lower()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Target:
     """The servo that an exchange is for."""
 
@@ -93,7 +93,7 @@ class Target:
         return f"{self.model.title} id {self.id}"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Identity:
     """What a servo says about itself when asked."""
 
@@ -102,7 +102,7 @@ class Identity:
     answers: Answers
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Stance:
     """What must be known before a move: where the servo is and what holds it back."""
 
@@ -116,7 +116,7 @@ class Stance:
     """In wheel, motor or infinite turn mode, where a goal does not move it."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Leg:
     """One servo's part in a move."""
 
@@ -129,7 +129,7 @@ class Leg:
     """s, more than 0"""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Reading:
     """Registers to read: what is asked for them, and where each stands in the answers."""
 

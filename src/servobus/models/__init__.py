@@ -1,7 +1,5 @@
 """The models servobus knows: one class body each."""
 
-import difflib
-
 from servobus.errors import UnknownName
 from servobus.families.base import Family, Model
 from servobus.models.drs0602 import DRS0602
@@ -43,6 +41,8 @@ def identified(family: Family, number: int | None) -> type[Model] | None:
 
 
 def _unknown(kind: str, name: str, known: list[str]) -> str:
+    import difflib  # noqa: PLC0415 - only ever needed for this message
+
     near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.4)
     hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
     return f"no {kind} {name!r}; {hint}"

@@ -9,7 +9,6 @@ The two directions have the same frame; only context tells an instruction packet
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from enum import IntEnum, IntFlag
 from typing import TypeAlias, TypeVar
 
@@ -18,6 +17,7 @@ from servobus.exchange import Exchange, Reply, sent
 from servobus.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.protocols.ids import BROADCAST, check_id
 from servobus.units import Divided
+from servobus.values import frozen
 
 T = TypeVar("T")
 
@@ -96,43 +96,43 @@ FRAMING = Dynamixel1Framing()
 # Instruction packets as values, both ways
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Ping:
     id: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ReadData:
     id: int
     address: int
     length: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class WriteData:
     id: int
     address: int
     data: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RegWrite:
     id: int
     address: int
     data: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Action:
     id: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Reset:
     id: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SyncWrite:
     """Each listed servo writes its own data at the common address; `data` keeps the order of the packet."""
 
@@ -142,7 +142,7 @@ class SyncWrite:
     id: int = BROADCAST
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Status:
     """A status packet."""
 
@@ -257,7 +257,7 @@ LONGEST_DELAY = 254 * 2e-6
 
 def ping(id: int) -> Exchange[None]:
     """PING: always answered, except to the broadcast id (3-5-5, ED-19). Any answer will do: somebody is there."""
-    return replace(_exchange(f"PING id {id}", Ping(id), answered=id != BROADCAST, repeatable=True), interpret=sent)
+    return _exchange(f"PING id {id}", Ping(id), answered=id != BROADCAST, repeatable=True).giving(sent)
 
 
 def read_data(id: int, address: int, length: int) -> Exchange[bytes]:

@@ -13,7 +13,6 @@ what acts. A JOG, the command that moves, sets the lights as well: without colou
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import TypeAlias, TypeVar
 
@@ -23,6 +22,7 @@ from servobus.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.protocols.ids import BROADCAST, check_id
 from servobus.registers import Int
 from servobus.units import Flags, Quantity, Table, deg, ms
+from servobus.values import frozen
 
 T = TypeVar("T")
 
@@ -169,35 +169,35 @@ FRAMING = HerkulexFraming()
 # Requests and ACKs as values, both ways
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class EepWrite:
     id: int
     address: int
     data: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class EepRead:
     id: int
     address: int
     length: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RamWrite:
     id: int
     address: int
     data: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RamRead:
     id: int
     address: int
     length: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Jog:
     """One servo's part of a JOG.
 
@@ -219,7 +219,7 @@ class Jog:
     no_override: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class IJog:
     """Every servo listed has its own playtime. Servos obey if `id` is theirs or 254."""
 
@@ -227,7 +227,7 @@ class IJog:
     jogs: tuple[Jog, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SJog:
     """All servos listed have one playtime and arrive together."""
 
@@ -236,23 +236,23 @@ class SJog:
     jogs: tuple[Jog, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Stat:
     id: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Rollback:
     id: int
     keep: Keep = Keep.NOTHING
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Reboot:
     id: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Ack:
     """An answer; `code` is the command of its request, `data` what stands before the two status bytes."""
 

@@ -11,7 +11,6 @@ it has parameters and the question has none. There is no error field: a servo th
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import Self, TypeAlias, TypeVar
 
@@ -20,6 +19,7 @@ from servobus.exchange import Exchange, Reply, sent
 from servobus.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.protocols.ids import BROADCAST, check_id
 from servobus.registers import S8, S16, U8, U16, Int
+from servobus.values import frozen
 
 T = TypeVar("T")
 
@@ -129,7 +129,7 @@ FRAMING = LewansoulFraming()
 # Packets as values, both ways
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Request:
     """What is sent to a servo; `values` in the order of `command.params`."""
 
@@ -141,7 +141,7 @@ class Request:
         return _say(self.id, self.command, self.command.params, self.values)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Answer:
     """What a servo sends back; `values` in the order of `command.reply`."""
 

@@ -1,4 +1,3 @@
-import json
 import os
 import subprocess
 import sys
@@ -9,39 +8,6 @@ import pytest
 from servobus import __version__
 from servobus.cli.app import NAMES, VERBS, app
 from unit.cli.conftest import RX, Run
-
-HEAVY = ("rich", "serial", "asyncio", "servobus.virtual", "servobus.aio", "servobus.cli.options")
-
-
-def loaded_by(*args: str) -> set[str]:
-    """Run a command in a fresh interpreter and tell which modules it loaded."""
-    script = (
-        "import sys, json, io, contextlib\n"
-        "from servobus.cli import main\n"
-        f"sys.argv = ['servobus', *{list(args)!r}]\n"
-        "with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):\n"
-        "    main()\n"
-        "print(json.dumps(list(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    return set(json.loads(done.stdout))
-
-
-def test_help_loads_click_and_little_else() -> None:
-    modules = loaded_by("--help")
-    assert "click" in modules
-    assert not {name for name in modules if name in HEAVY}
-
-
-def test_the_entry_point_itself_loads_nothing() -> None:
-    script = "import sys, servobus.cli; print('click' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
-
-
-def test_reading_a_virtual_servo_needs_neither_rich_nor_serial_nor_asyncio() -> None:
-    modules = loaded_by("read", RX, "1", "present_position")
-    assert not {"rich", "serial", "asyncio"} & modules
 
 
 def test_help_lists_every_verb_under_its_purpose(run: Run) -> None:

@@ -51,7 +51,9 @@ def test_a_silent_port_is_no_error(run: Run) -> None:
 def test_what_answers_without_sense_is_reported(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def garbled(families: list[Family], *_: object) -> Procedure[Survey]:
         yield Pause(0)
-        return Survey(troubles=[Trouble(families[0], 3, 57600, Garbled("PING id 3: 2 bytes that are no packet"))])
+        survey = Survey()
+        survey.troubles.append(Trouble(families[0], 3, 57600, Garbled("PING id 3: 2 bytes that are no packet")))
+        return survey
 
     monkeypatch.setattr("servobus.cli.scan.scan_procedure", garbled)
     result = run("scan", RX, "--family", "dynamixel", "--json")
