@@ -19,6 +19,7 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
     "Look": {
         "info": ("info:info", "Show all of one servo: data sheet, registers, alarms."),
         "read": ("values:read", "Read registers of a servo."),
+        "sniff": ("sniff:sniff", "Show the traffic on a port, live."),
         "step": ("step:step", "Measure a step response, virtual or real."),
     },
     "Move": {

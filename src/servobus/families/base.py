@@ -11,7 +11,7 @@ from enum import IntEnum
 from typing import Any, ClassVar, TypeVar
 
 from servobus.errors import BadValue, UsageError
-from servobus.exchange import Exchange, Procedure
+from servobus.exchange import Exchange, Procedure, Reply
 from servobus.framing import Framing, Packet
 from servobus.registers import Register, RegisterMap
 
@@ -129,6 +129,18 @@ class Leg:
     """s, more than 0"""
 
 
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What a request asks for, as far as one can tell who only listens.
+
+    reply    the shape of the answer; None where nothing answers
+    certain  whether it is answered whatever the servo is set to; else its Status Return Level or ACK Policy decides
+    """
+
+    reply: Reply | None
+    certain: bool = True
+
+
 class Family(ABC):
     """One family of servos: its packets and its verbs. Stateless; one instance serves all."""
 
@@ -242,6 +254,10 @@ class Family(ABC):
         `request` is the packet that came before it, unless that was an answer itself. `model` is whose table
         gives the registers their names and units; without it they stay bytes at an address.
         """
+
+    @abstractmethod
+    def question(self, packet: Packet) -> Question | None:
+        """Tell what answer a packet asks for; None if it can be no request."""
 
 
 def check_output(output: float) -> float:
