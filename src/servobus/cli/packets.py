@@ -20,13 +20,13 @@ HEADS = ("servo", "requests", "answers", "median", "longest", "missing", "corrup
 
 def show(sight: Sight) -> None:
     """Print one thing that was seen, for people."""
-    rows = [sight.raw[at : at + ROW].hex(" ").upper() for at in range(0, len(sight.raw), ROW)]
-    for number, row in enumerate(rows or [""]):
-        head = f"{sight.time:11.6f} {sight.direction} " if number == 0 else " " * MARGIN
-        wait = f"+{milliseconds(sight.latency)}" if number == 0 and sight.latency is not None else ""
+    head, indent = f"{sight.time:11.6f} {sight.direction} ", " " * MARGIN
+    wait = "" if sight.latency is None else f"+{milliseconds(sight.latency)}"
+    for at in range(0, len(sight.raw), ROW):
+        row = sight.raw[at : at + ROW].hex(" ").upper()
         click.echo(f"{head}{row:<{HEX_WIDTH}}{wait:>{WIDTH - MARGIN - HEX_WIDTH}}".rstrip())
-    indent = " " * MARGIN
-    text = click.wrap_text(sight.text, WIDTH, indent, indent)
+        head, wait = indent, ""
+    text = click.wrap_text(sight.text, WIDTH, head, indent)
     click.echo(click.style(text, fg="red") if sight.trouble else text)
 
 
@@ -66,7 +66,7 @@ def conclude(tracker: Tracker, *, json: bool) -> None:
     click.echo()
     for row in rows if len(rows) > 1 else []:
         first, *others = (cell.rjust(width) for cell, width in zip(row, widths, strict=True))
-        click.echo("  ".join([row[0].ljust(len(first)), *others]))
+        click.echo(" ".join([row[0].ljust(len(first)), *others]))
     click.echo(
         f"{tracker.time:.1f} s; {_count(tracker.junk, 'byte')} of junk, "
         f"{_count(tracker.corrupt, 'packet')} with a wrong checksum"
