@@ -1,5 +1,6 @@
 """How traffic is shown: line by line as it comes, and what it comes to at the end. For `sniff` and `decode`."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import click
@@ -18,16 +19,19 @@ HEX_WIDTH = 3 * ROW
 HEADS = ("servo", "requests", "answers", "median", "longest", "missing", "corrupt", "other", "errors")
 
 
-def show(sight: Sight) -> None:
-    """Print one thing that was seen, for people."""
+def show(sight: Sight) -> str:
+    """Write one thing that was seen, for people."""
     head, indent = f"{sight.time:11.6f} {sight.direction} ", " " * MARGIN
     wait = "" if sight.latency is None else f"+{milliseconds(sight.latency)}"
+    lines = []
     for at in range(0, len(sight.raw), ROW):
         row = sight.raw[at : at + ROW].hex(" ").upper()
-        click.echo(f"{head}{row:<{HEX_WIDTH}}{wait:>{WIDTH - MARGIN - HEX_WIDTH}}".rstrip())
+        lines.append(f"{head}{row:<{HEX_WIDTH}}{wait:>{WIDTH - MARGIN - HEX_WIDTH}}".rstrip())
         head, wait = indent, ""
-    text = click.wrap_text(sight.text, WIDTH, head, indent)
-    click.echo(click.style(text, fg="red") if sight.trouble else text)
+    text = head + sight.text
+    if len(text) > WIDTH:
+        text = click.wrap_text(sight.text, WIDTH, head, indent)
+    return "\n".join([*lines, click.style(text, fg="red") if sight.trouble else text])
 
 
 def entry(sight: Sight) -> dict[str, Any]:
@@ -45,13 +49,11 @@ def entry(sight: Sight) -> dict[str, Any]:
     }
 
 
-def report(sights: list[Sight], *, json: bool) -> None:
+def report(sights: Iterable[Sight], *, json: bool) -> None:
     """Print what was seen."""
-    for sight in sights:
-        if json:
-            click.echo(compact(entry(sight)))
-        else:
-            show(sight)
+    lines = [compact(entry(sight)) if json else show(sight) for sight in sights]
+    if lines:
+        click.echo("\n".join(lines))
 
 
 def conclude(tracker: Tracker, *, json: bool) -> None:

@@ -21,14 +21,18 @@ from servobus.connect import FIRST_BAUD, transport
 from servobus.errors import BadValue, ServobusError, UsageError
 from servobus.traffic import recording
 from servobus.traffic.recording import Chunk, Direction, End, Entry, Header, Speed
+from servobus.traffic.sights import Sight
 from servobus.traffic.tracker import BITS, Tracker
 from servobus.transports.base import Transport
 from servobus.virtual.ports import LOOKOUT, PULSE, Terminal
 
 TURN = 0.001
 """s that one side is waited for where the two cannot be waited for together."""
-SWITCH = 0.0005
+SWITCH = 0.0001
 """s after which Python takes the processor from the printing; its 5 ms could be felt on the bus."""
+
+AT_ONCE = 100
+"""Pieces of news after which what they say is printed, even if there are more."""
 
 News: TypeAlias = Entry | float | Exception | None
 """What was carried; the time, while nothing is; an error; None at the planned end."""
@@ -37,14 +41,16 @@ News: TypeAlias = Entry | float | Exception | None
 @verb(
     "sniff",
     "servobus sniff /dev/ttyUSB0 --app /tmp/arm",
-    "servobus sniff /dev/ttyUSB0 --baud 1000000 --save arm.txt",
+    "servobus sniff /dev/ttyUSB0 --baud 1000000 --save arm.rec",
     "servobus sniff virtual:rx28@1-4 --app /tmp/arm --once --json",
     "",
     "and then the application, in another terminal:",
     "servobus scan /tmp/arm",
 )
 @click.argument("port")
-@click.option("--baud", type=BAUD, metavar="N", help="Speed of the line; else that of the application, or 115200.")
+@click.option(
+    "--baud", type=BAUD, metavar="N", help="Speed, until the application sets one; else the family's, or 115200."
+)
 @click.option(
     "--app",
     metavar="[LINK]",
@@ -77,6 +83,8 @@ def sniff(
         raise click.UsageError("--baud: a line has one speed, not all")
     if once and app is None:
         raise click.UsageError("--once needs --app")
+    if app is not None and sys.platform == "win32":
+        raise UsageError("--app needs a pseudo terminal, and Windows has none; listen with a second adapter instead")
     if not port.strip():
         raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
     whose, table = named(family, model)
@@ -98,8 +106,8 @@ def sniff(
             stack.callback(keeper.close)
         _ready(port, speed, terminal, json=json)
         carrier = Carrier(wire, terminal, keeper, stop, once=once)
-        stack.callback(carrier.end)
         carrier.start()
+        stack.callback(carrier.end)
         tracker = Tracker(whose, table, speed)
         failure = _follow(carrier, tracker, json=json)
     report(tracker.finish(), json=json)
@@ -127,10 +135,16 @@ def _ready(port: str, speed: int, terminal: "Application | None", *, json: bool)
 def _follow(carrier: "Carrier", tracker: Tracker, *, json: bool) -> Exception | None:
     """Show what is carried until it ends; give what made it end, unless that was planned."""
     while True:
-        news = carrier.news.get()
-        if news is None or isinstance(news, Exception):
-            return news
-        report(tracker.pass_time(news) if isinstance(news, float) else tracker.feed(news), json=json)
+        sights: list[Sight] = []
+        for _ in range(AT_ONCE):
+            news = carrier.news.get()
+            if news is None or isinstance(news, Exception):
+                report(sights, json=json)
+                return news
+            sights += tracker.pass_time(news) if isinstance(news, float) else tracker.feed(news)
+            if carrier.news.empty():
+                break
+        report(sights, json=json)
 
 
 class Application(Terminal):

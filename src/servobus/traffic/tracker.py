@@ -7,15 +7,17 @@ Which requests are answered follows from the packet for questions. Whether comma
 servo: one that answered the last command is expected to answer the next one too.
 """
 
+import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from servobus.exchange import Reply
 from servobus.families.base import Family, Model, Question
 from servobus.families.words import addressed, servo, show_bytes
 from servobus.framing import Corrupt, Event, Noise, Packet
-from servobus.models import FAMILIES
+from servobus.models import FAMILIES, MODELS
 from servobus.traffic.recording import DIGITS, Chunk, Direction, End, Entry, Speed
 from servobus.traffic.sights import GRAIN, Kind, Sight, Tally, Trouble
 from servobus.traffic.streams import Mark, Stream, best, clearest, first_model, good
@@ -28,6 +30,8 @@ MEMORY = 1.0
 """s for which a question that nobody waits for any more is known, so that a late answer is told from a stranger's."""
 BITS = 10
 """Bits of a byte on the wire, start and stop bit included."""
+REPEATED = 1024
+"""Packets whose words are kept: programs ask the same again and again."""
 ECHOES = 16
 """Requests whose echo may still come."""
 
@@ -183,7 +187,16 @@ class Tracker:
                 seen += self._sort(answers, answers.flush())  # the rest of it will not come any more
         key = family.name, chunk.direction
         stream = self._streams.get(key) or self._streams.setdefault(key, Stream(family, chunk.direction))
-        return [*seen, *self._sort(stream, stream.feed(chunk, wire))]
+        seen += self._sort(stream, stream.feed(chunk, wire))
+        if chunk.direction is Direction.IN and stream.decoder.pending > self._longest(family):
+            seen += self._sort(stream, stream.flush())  # a header that promises more than was asked for is none
+        return seen
+
+    def _longest(self, family: Family) -> float:
+        """Give the size of the longest answer that may come, in bytes; infinite while nothing was asked."""
+        asked = [one.question.reply for one in (*self._open, *self._overdue) if one.family is family]
+        sizes = [family.framing.overhead + max(reply.sizes) for reply in asked if reply is not None]
+        return max(sizes, default=math.inf) if self._open else math.inf
 
     def _wire_time(self, count: int) -> float:
         return count * BITS / self._baud if self._baud else 0.0
@@ -233,7 +246,7 @@ class Tracker:
             text = f"unknown request {packet.code:#04x} {addressed(packet.id)}{data}"
             question = Question(Reply(packet.id, None, (0,)), certain=False)  # it may be refused
         else:
-            text = family.explain(packet, None, self._table(family))
+            text = self._say(family, packet, None)
         self._doubt = None
         self._tally(family, packet.id).requests += 1
         self._sent.append((packet, end + PATIENCE))
@@ -276,7 +289,7 @@ class Tracker:
         if first.time > asked.mark:  # of two that came in one piece nobody knows
             latency = max(first.time - asked.end, 0.0)
             self._tally(family, packet.id).latencies[round(latency / GRAIN)] += 1
-        text = family.explain(packet, asked.packet, self._table(family))
+        text = self._say(family, packet, asked.packet)
         return Sight(first.time, stream.direction, Kind.ANSWER, text, family, packet.id, raw, latency)
 
     def _is_echo(self, packet: Packet, asked: _Open | None, time: float) -> bool:
@@ -293,9 +306,9 @@ class Tracker:
         late = next((one for one in self._overdue if one.fits(family, packet) and time < one.end + MEMORY), None)
         if late is not None:
             self._overdue.remove(late)
-            said = family.explain(packet, late.packet, self._table(family))
+            said = self._say(family, packet, late.packet)
             return Trouble.LATE, f"LATE, {1000 * (time - late.end):.0f} ms behind its question: {said}"
-        said = family.explain(packet, None, self._table(family))
+        said = self._say(family, packet, None)
         if family.question(packet) is not None:  # read as a request, it would say what it cannot mean here
             data = f", data {show_bytes(packet.data)}" if packet.data else ""
             said = f"answer of {servo(packet.id)}, {packet.code:#04x}{data}"
@@ -320,7 +333,7 @@ class Tracker:
         if asked is not None or (family.name, id) in self._tallies:
             self._tally(family, id).corrupt += 1
         self.corrupt += 1
-        said = family.explain(packet, asked.packet if asked else None, self._table(family))
+        said = self._say(family, packet, asked.packet if asked else None)
         text = f"CHECKSUM WRONG: would be {said}"
         return Sight(first.time, stream.direction, Kind.CORRUPT, text, family, id, raw, None, Trouble.CHECKSUM)
 
@@ -340,14 +353,19 @@ class Tracker:
             id = asked.packet.id
             yield Sight(time, Direction.IN, Kind.SILENCE, text, asked.family, id, b"", None, Trouble.SILENT)
 
-    def _table(self, family: Family) -> type[Model]:
-        return self._model or first_model(family)
+    def _say(self, family: Family, packet: Packet, request: Packet | None) -> str:
+        return _explained(family, packet, request, (self._model or first_model(family)).key())
 
     def _tally(self, family: Family, id: int) -> Tally:
         key = family.name, id
         if key not in self._tallies:
             self._tallies[key] = Tally(family, id)
         return self._tallies[key]
+
+
+@lru_cache(maxsize=REPEATED)
+def _explained(family: Family, packet: Packet, request: Packet | None, model: str) -> str:
+    return family.explain(packet, request, MODELS[model])
 
 
 def _junk(time: float, direction: Direction, raw: bytes, family: Family | None) -> Sight:

@@ -310,6 +310,14 @@ def test_a_packet_behind_a_false_header() -> None:
     assert kinds(sights) == ["request", "noise", "answer", "request"]
 
 
+def test_a_false_header_on_a_line_of_two_lanes() -> None:
+    lie = bytes.fromhex("FF FF DF 01")  # promises 223 bytes
+    script = [(0.0, ">", RAM_READ), (0.003, "<", lie + RAM_ACK), (0.01, ">", RAM_READ), (0.013, "<", RAM_ACK)]
+    tracker = Tracker()
+    assert kinds(watch(script, tracker)) == ["request", "noise", "answer", "request", "answer"]
+    assert tracker.junk == len(lie)
+
+
 def test_a_request_that_is_none() -> None:
     unknown = bytes.fromhex("FF FF 01 03 09 55 9D")  # ~(1 + 3 + 9 + 55) = 9D
     refusal = bytes.fromhex("FF FF 01 02 40 BC")  # instruction error
