@@ -20,6 +20,7 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
         "doctor": ("doctor:doctor", "Find out what is wrong with a port and its servos."),
         "info": ("info:info", "Show all of one servo: data sheet, registers, alarms."),
         "read": ("values:read", "Read registers of a servo."),
+        "sniff": ("sniff:sniff", "Show the traffic on a port, live."),
         "step": ("step:step", "Measure a step response, virtual or real."),
     },
     "Move": {

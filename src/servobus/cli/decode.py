@@ -7,15 +7,17 @@ from typing import Any
 
 import click
 
-from servobus import FAMILIES, MODELS, models
+from servobus import FAMILIES, models
 from servobus.cli.options import as_json, verb
-from servobus.cli.output import print_json
+from servobus.cli.output import note, print_json
+from servobus.cli.packets import ROW, conclude, report
 from servobus.errors import UsageError
 from servobus.families.base import Family, Model
 from servobus.framing import Corrupt, Event, Noise, Packet
+from servobus.traffic.recording import is_recording, parse
+from servobus.traffic.streams import first_model
+from servobus.traffic.tracker import Tracker
 
-ROW = 16
-"""Bytes shown on one line."""
 INDENT = " " * 8
 
 
@@ -25,6 +27,7 @@ INDENT = " " * 8
     "servobus decode 55550103 1CDF 0x55 0x55",
     "servobus decode --family herkulex sniffed.txt",
     "servobus decode --model rx28 sniffed.txt",
+    "servobus decode arm.rec",
     "cat /tmp/capture.bin | servobus decode -",
 )
 @click.argument("source", metavar="HEX...|FILE|-", nargs=-1, required=True)
@@ -34,9 +37,13 @@ INDENT = " " * 8
 def decode(source: tuple[str, ...], family: str | None, model: str | None, json: bool) -> None:
     """Explain bytes packet by packet, with what is broken or junk between them.
 
-    Bytes are hex digits, with or without spaces and 0x, or a file of hex digits or of the bytes themselves.
+    Bytes are hex digits, with or without spaces and 0x, or a file of hex digits or of the bytes themselves. A
+    file that `servobus sniff --save` wrote is shown as it was live; with --json one object a line.
     """
-    data = _bytes(source)
+    data, name = _bytes(source)
+    if is_recording(data):
+        replay(data, name, family, model, json=json)
+        return
     table = _model(data, family, model)
     entries = explain(table, data)
     if json:
@@ -50,15 +57,42 @@ def decode(source: tuple[str, ...], family: str | None, model: str | None, json:
         click.echo(click.wrap_text(entry["text"], 80, INDENT, INDENT))
 
 
+def replay(content: bytes, name: str, family: str | None, model: str | None, *, json: bool) -> None:
+    """Show a recording as it was shown live. Raises UsageError for one that cannot be read."""
+    try:
+        recording = parse(content)
+        head = recording.header
+        # What is said now counts more than what was said then, as a whole: another family has other models.
+        said = (family, model) if family or model else (head.family, head.model)
+        whose, table = named(*said)
+    except UsageError as error:
+        raise UsageError(f"{name}: {error}") from None
+    if not json:
+        click.echo(f"{head.port} at {head.baud} baud, recorded {head.started}")
+    tracker = Tracker(whose, table, head.baud)
+    for entry in recording.entries:
+        report(tracker.feed(entry), json=json)
+    report(tracker.finish(), json=json)
+    conclude(tracker, json=json)
+    if recording.cut:
+        note(f"{name}: the last line was cut off and is left out")
+
+
+def named(family: str | None, model: str | None) -> tuple[Family | None, type[Model] | None]:
+    """Find family and model as people name them. Raises UsageError if there is none, or they do not belong together."""
+    known = models.family(family) if family else None
+    if not model:
+        return known, None
+    table = models.model(model)
+    if known and known.name != table.family.name:
+        raise UsageError(f"{table.title} is of the family {table.family.name}, not {family}")
+    return table.family, table
+
+
 def _model(data: bytes, family: str | None, model: str | None) -> type[Model]:
     """Find whose packets and registers these are, from what is said of them or from the bytes."""
-    if not model:
-        known = models.family(family) if family else guess(data)
-        return next(table for table in MODELS.values() if table.family.name == known.name)
-    table = models.model(model)
-    if family and models.family(family).name != table.family.name:
-        raise UsageError(f"{table.title} is of the family {table.family.name}, not {family}")
-    return table
+    known, table = named(family, model)
+    return table or first_model(known or guess(data))
 
 
 def guess(data: bytes) -> Family:
@@ -123,17 +157,18 @@ def _offsets(events: list[Event], family: Family, total: int) -> list[int]:
     return offsets[::-1]
 
 
-def _bytes(source: tuple[str, ...]) -> bytes:
+def _bytes(source: tuple[str, ...]) -> tuple[bytes, str]:
+    """Give the bytes that are meant, and where they come from."""
     if source == ("-",):
-        return _content(sys.stdin.buffer.read(), "standard input")
+        return _content(sys.stdin.buffer.read(), "standard input"), "standard input"
     typed = _hex(" ".join(source))
     if typed is not None:
-        return typed
+        return typed, ""
     if len(source) > 1:
         raise UsageError(f"{' '.join(source)!r} is no row of hex bytes")
     if not source[0] or not Path(source[0]).exists():
         raise UsageError(f"{source[0]!r} is neither a row of hex bytes nor a file")
-    return _content(Path(source[0]).read_bytes(), source[0])
+    return _content(Path(source[0]).read_bytes(), source[0]), source[0]
 
 
 def _content(content: bytes, name: str) -> bytes:

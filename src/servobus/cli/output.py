@@ -26,6 +26,11 @@ def print_json(data: Any) -> None:
     click.echo(json.dumps(data, indent=2, ensure_ascii=False))
 
 
+def compact(data: Any) -> str:
+    """Give JSON on one line, for output that goes on."""
+    return json.dumps(data, ensure_ascii=False)
+
+
 def console(*, stderr: bool = False) -> "Console":
     """Give rich's console: plain text unless it is a terminal."""
     from rich.console import Console  # noqa: PLC0415 - rich is slow to import and not always wanted

@@ -1,15 +1,12 @@
 """`virtual`: be servos."""
 
 import shlex
-import signal
 import sys
-import threading
 from pathlib import Path
-from types import FrameType
 
 import click
 
-from servobus.cli.options import BAUD, UnitType, verb
+from servobus.cli.options import BAUD, UnitType, stop_on_signals, verb
 from servobus.cli.output import note
 from servobus.cli.show import Show
 from servobus.cli.virtual_console import VirtualConsole, listen
@@ -100,7 +97,7 @@ def virtual(
         load=load,
     )
     address = _address(tcp) if tcp else None
-    stop = _stop_on_signals()
+    stop = stop_on_signals()
     drawer = open_drawer(setup)
     shown = Show(drawer, stop) if show else None
 
@@ -128,19 +125,6 @@ def _ready(name: str) -> None:
     sys.stdout.flush()  # whoever waits for this line may wait on a pipe
     if sys.stderr.isatty():
         note(f"try: servobus scan {shlex.quote(name)}     (Ctrl-C here switches the servos off)")
-
-
-def _stop_on_signals() -> threading.Event:
-    """Give what is set by Ctrl-C, SIGTERM and the end of the terminal: all are the planned way to end."""
-    stop = threading.Event()
-
-    def handle(_signal: int, _frame: FrameType | None) -> None:
-        stop.set()
-
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):  # Windows has no SIGHUP
-            signal.signal(getattr(signal, name), handle)
-    return stop
 
 
 def _address(text: str) -> tuple[str, int]:

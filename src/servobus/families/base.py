@@ -10,7 +10,7 @@ from enum import IntEnum
 from typing import Any, ClassVar, TypeVar
 
 from servobus.errors import BadValue, UsageError
-from servobus.exchange import Exchange, Procedure, ask
+from servobus.exchange import Exchange, Procedure, Reply, ask
 from servobus.framing import Framing, Packet
 from servobus.registers import Int, Register, RegisterMap
 from servobus.values import frozen
@@ -142,6 +142,18 @@ class Reading:
         return [layout.unpack(answers[n][part]) for n, part, layout in self.places]
 
 
+@frozen
+class Question:
+    """What a request asks for, as far as one can tell who only listens.
+
+    reply    the shape of the answer; None where nothing answers
+    certain  whether it is answered whatever the servo is set to; else its Status Return Level or ACK Policy decides
+    """
+
+    reply: Reply | None
+    certain: bool = True
+
+
 class Family(ABC):
     """One family of servos: its packets and its verbs. Stateless; one instance serves all."""
 
@@ -263,6 +275,10 @@ class Family(ABC):
         `request` is the packet that came before it, unless that was an answer itself. `model` is whose table
         gives the registers their names and units; without it they stay bytes at an address.
         """
+
+    @abstractmethod
+    def question(self, packet: Packet) -> Question | None:
+        """Tell what answer a packet asks for; None if it can be no request."""
 
 
 def fetch(reading: Reading) -> Procedure[list[int]]:

@@ -4,13 +4,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from servobus.errors import BadValue, NoReply, UsageError
-from servobus.exchange import Exchange, Procedure, ask
+from servobus.exchange import Exchange, Procedure, Reply, ask
 from servobus.families.base import (
     Answers,
     Family,
     Identity,
     Leg,
     Model,
+    Question,
     Reading,
     Stance,
     Target,
@@ -29,6 +30,7 @@ from servobus.protocols.dynamixel1 import (
     Code,
     Error,
     Instruction,
+    Ping,
     ReadData,
     RegWrite,
     SyncWrite,
@@ -208,6 +210,17 @@ class Dynamixel1(Family):
                 if packet.id == BROADCAST:
                     return f"{error}, {addressed(packet.id)}"
         return _say_status(packet, asked, model)
+
+    def question(self, packet: Packet) -> Question | None:
+        try:
+            message = parse_instruction(packet)
+        except ValueError:
+            return None
+        if packet.id == BROADCAST:
+            return Question(None)
+        if isinstance(message, ReadData):
+            return Question(Reply(packet.id, None, (message.length, 0)))
+        return Question(Reply(packet.id, None, (0,)), certain=isinstance(message, Ping))
 
     def _write_raw_speed(self, target: Target, raw: int) -> Procedure[None]:
         address = _address(target.model.register("moving_speed"))

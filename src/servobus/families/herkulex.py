@@ -15,6 +15,7 @@ from servobus.families.base import (
     Identity,
     Leg,
     Model,
+    Question,
     Reading,
     Stance,
     Target,
@@ -270,6 +271,23 @@ class Herkulex(Family):
             return _say_request(parse_request(packet), Code(packet.code), model)
         except ValueError as error:
             return f"{error}, {addressed(packet.id)}"
+
+    def question(self, packet: Packet) -> Question | None:
+        """STAT is answered under every ACK Policy and by all, the rest never if it is for all (4-2 NO 8)."""
+        if packet.code & ACK:
+            return None
+        try:
+            message = parse_request(packet)
+        except ValueError:
+            message = None
+        everybody, code = packet.id == BROADCAST, packet.code | ACK
+        if isinstance(message, Stat):
+            return Question(Reply(None if everybody else packet.id, code, (2,)))
+        if everybody:
+            return Question(None)
+        if isinstance(message, EepRead | RamRead):
+            return Question(Reply(packet.id, code, (message.length + 4, 2)))
+        return Question(Reply(packet.id, code, (2,)), certain=False)
 
 
 _Spot: TypeAlias = tuple[Area, int]

@@ -4,11 +4,23 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from servobus.errors import BadValue, UsageError
-from servobus.exchange import Exchange, Pause, Procedure, ask, sent
-from servobus.families.base import Answers, Family, Identity, Leg, Model, Reading, Stance, Target, cannot, check_output
+from servobus.exchange import Exchange, Pause, Procedure, Reply, ask, sent
+from servobus.families.base import (
+    Answers,
+    Family,
+    Identity,
+    Leg,
+    Model,
+    Question,
+    Reading,
+    Stance,
+    Target,
+    cannot,
+    check_output,
+)
 from servobus.families.words import addressed, show_value
 from servobus.framing import Packet
-from servobus.protocols.ids import check_id
+from servobus.protocols.ids import BROADCAST, check_id
 from servobus.protocols.lewansoul import (
     BAUD,
     FRAMING,
@@ -164,6 +176,17 @@ class Lewansoul(Family):
             return f"answer to {_say(parse_answer(packet), model)}"
         except ValueError:
             return problem
+
+    def question(self, packet: Packet) -> Question | None:
+        """Only reads are answered; of those to all, SERVO_ID_READ alone (manual 3)."""
+        try:
+            command = parse_request(packet).command
+        except ValueError:
+            return None
+        everybody = packet.id == BROADCAST
+        if not command.reply or (everybody and command is not Command.SERVO_ID_READ):
+            return Question(None)
+        return Question(Reply(None if everybody else packet.id, int(command), (length_of(command.reply),)))
 
     def _mode(self, target: Target) -> Procedure[int]:
         (mode,) = yield from self.read(target, [target.model.register("mode")])

@@ -98,15 +98,18 @@ class Port(ABC):
         """Give the speed that the client talks at; None if there is no such thing."""
 
 
-class PtyPort(Port):
-    """A pseudo terminal. It passes bytes at once; the client's speed setting is read, and must be right."""
+class Terminal:
+    """A pseudo terminal. It passes bytes at once; the speed that its client sets can be read."""
 
-    def __init__(self, drawer: Drawer, link: Path | None = None) -> None:
-        super().__init__(drawer)
+    name: str
+
+    def __init__(self, baud: int, link: Path | None = None) -> None:
         self._link = link
         self._master = -1
         self._client = False
-        self._last_baud: float = drawer.default_baud
+        """Whether somebody has the terminal open."""
+        self._first_baud = baud
+        self._last_baud: float = baud
 
     def _open(self, stack: ExitStack) -> None:
         if sys.platform == "win32":
@@ -182,8 +185,16 @@ class PtyPort(Port):
         if sys.platform != "win32":
             tty.setraw(slave)  # no echo, no line ends, no signals
             settings = termios.tcgetattr(slave)
-            settings[4] = settings[5] = getattr(termios, f"B{self.drawer.default_baud}", settings[4])
+            settings[4] = settings[5] = getattr(termios, f"B{self._first_baud}", settings[4])
             termios.tcsetattr(slave, termios.TCSANOW, settings)
+
+
+class PtyPort(Terminal, Port):
+    """Servos behind a pseudo terminal; the client's speed setting is read, and must be right."""
+
+    def __init__(self, drawer: Drawer, link: Path | None = None) -> None:
+        Port.__init__(self, drawer)
+        Terminal.__init__(self, drawer.default_baud, link)
 
 
 class TcpPort(Port):

@@ -1,0 +1,171 @@
+"""Recordings of the traffic on a bus: a text file that is written line by line and readable up to its last line.
+
+    # servobus recording 1 {"port": "/dev/ttyUSB0", "baud": 57600, "family": null, "model": null, "started": "..."}
+    0.001042 > FF FF 01 04 02 24 02 D2          bytes to the servos
+    0.002314 < FF FF 01 04 00 00 02 F8          bytes from the servos
+    0.512000 - FF FF 01 02 01 FB                bytes that were heard, nobody knows from whom
+    1.204310 = 1000000                          from here on the speed is another
+    9.730125 .                                  the end: up to here the line was watched
+
+Times are seconds since the beginning. A line without a line end was cut off when the power or the program went; it
+is left out. No port, no clock.
+"""
+
+import json
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import Any, TypeAlias
+
+from servobus.errors import UsageError
+
+MAGIC = "# servobus recording "
+FORMAT = 1
+DIGITS = 6
+"""Decimals of a time: microseconds."""
+
+
+class Direction(StrEnum):
+    """Where bytes went."""
+
+    OUT = ">"
+    IN = "<"
+    UNKNOWN = "-"
+
+
+@dataclass(frozen=True, slots=True)
+class Chunk:
+    """Bytes that came together; `time` in s. It is kept to the microsecond, so that a recording has the same."""
+
+    time: float
+    direction: Direction
+    data: bytes
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time", round(self.time, DIGITS))
+
+
+@dataclass(frozen=True, slots=True)
+class Speed:
+    """The line's speed from here on, bit/s."""
+
+    time: float
+    baud: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time", round(self.time, DIGITS))
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """Nothing more came until this time, and then nobody watched any more."""
+
+    time: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time", round(self.time, DIGITS))
+
+
+Entry: TypeAlias = Chunk | Speed | End
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What was recorded. `family` and `model` are None where they were not given but found out."""
+
+    port: str
+    baud: int
+    family: str | None = None
+    model: str | None = None
+    started: str = ""
+    """Date and time of the beginning, ISO 8601."""
+
+    def line(self) -> str:
+        return f"{MAGIC}{FORMAT} {json.dumps(asdict(self))}\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A recording that was read back; `cut` tells whether its last line was cut off."""
+
+    header: Header
+    entries: tuple[Entry, ...]
+    cut: bool = False
+
+
+def line(entry: Entry) -> str:
+    """Give the line of an entry, with its end."""
+    match entry:
+        case Chunk():
+            said = f"{entry.direction} {entry.data.hex(' ').upper()}"
+        case Speed():
+            said = f"= {entry.baud}"
+        case End():
+            said = "."
+    return f"{entry.time:.{DIGITS}f} {said}\n"
+
+
+def is_recording(content: bytes) -> bool:
+    """Tell a recording from other files."""
+    return content.startswith(MAGIC.encode())
+
+
+def parse(content: bytes) -> Recording:
+    """Read a recording. Raises UsageError for a line that is none, and for a format of later versions."""
+    # After a power cut a file may have got its new length, but not yet the bytes.
+    lines = content.rstrip(b"\0").decode("ascii", errors="replace").split("\n")
+    rest = lines.pop()
+    cut = bool(rest) or content.endswith(b"\0")
+    if not lines:
+        raise UsageError("the recording was cut off in its first line; there is nothing in it")
+    return Recording(_header(lines[0]), tuple(_entries(lines[1:])), cut)
+
+
+def _header(text: str) -> Header:
+    number, _, fields = text.removeprefix(MAGIC).partition(" ")
+    if number != str(FORMAT):
+        raise UsageError(f"recording format {number!r} is not known here, only {FORMAT}; a newer servobus wrote it?")
+    try:
+        said = json.loads(fields)
+        header = Header(**{name: said[name] for name in Header.__dataclass_fields__ if name in said})
+    except (ValueError, TypeError) as error:
+        raise UsageError(f"line 1 is no head of a recording: {fields[:60]!r}") from error
+    for name in Header.__dataclass_fields__:
+        if not _is_right(name, value := getattr(header, name)):
+            raise UsageError(f"line 1 is no head of a recording: {name} is {value!r}")
+    return header
+
+
+def _is_right(name: str, value: Any) -> bool:
+    if name == "baud":
+        return isinstance(value, int) and value > 0
+    return isinstance(value, str) or (value is None and name in ("family", "model"))
+
+
+def _entries(lines: Iterable[str]) -> Iterator[Entry]:
+    last = 0.0
+    for number, text in enumerate(lines, 2):
+        try:
+            time, _, said = text.rstrip("\r").partition(" ")
+            entry = _entry(float(time), *said.partition(" ")[::2])
+        except (ValueError, OverflowError) as error:
+            raise UsageError(f"line {number} is no line of a recording: {text[:60]!r}") from error
+        if not last <= entry.time:
+            raise UsageError(f"line {number}: {entry.time:.{DIGITS}f} s is before the line above it")
+        last = entry.time
+        yield entry
+
+
+def _entry(time: float, mark: str, what: str) -> Entry:
+    if not math.isfinite(time):
+        raise ValueError("no time")
+    if mark == "." and not what:
+        return End(time)
+    if mark == "=":
+        if (baud := int(what)) <= 0:
+            raise ValueError("no speed")
+        return Speed(time, baud)
+    if not (data := bytes.fromhex(what)):
+        raise ValueError("no bytes")
+    return Chunk(time, Direction(mark), data)

@@ -1,0 +1,373 @@
+"""What goes on between a program and its servos: a stream of bytes becomes requests, answers and troubles.
+
+A `Tracker` is fed with what was carried or heard, each piece with its time and direction, and gives what that says.
+No port, no clock, no thread: fed with a recording it gives the same as it gave live.
+
+Which requests are answered follows from the packet for questions. Whether commands are depends on a setting of the
+servo: one that answered the last command is expected to answer the next one too.
+"""
+
+import math
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+from servobus.exchange import Reply
+from servobus.families.base import Family, Model, Question
+from servobus.families.words import addressed, servo, show_bytes
+from servobus.framing import Corrupt, Event, Noise, Packet
+from servobus.models import FAMILIES, MODELS
+from servobus.traffic.recording import DIGITS, Chunk, Direction, End, Entry, Speed
+from servobus.traffic.sights import GRAIN, Kind, Sight, Tally, Trouble
+from servobus.traffic.streams import Mark, Stream, best, clearest, first_model, good
+
+QUIET = 0.05
+"""s; assumption: no adapter keeps back the rest of a packet for so long."""
+PATIENCE = 0.1
+"""s; assumption: no servo, adapter and system together need so long for an answer, less its time on the wire."""
+MEMORY = 1.0
+"""s for which a question that nobody waits for any more is known, so that a late answer is told from a stranger's."""
+BITS = 10
+"""Bits of a byte on the wire, start and stop bit included."""
+REPEATED = 1024
+"""Packets whose words are kept: programs ask the same again and again."""
+ECHOES = 16
+"""Requests whose echo may still come."""
+
+
+@dataclass(slots=True, eq=False)
+class _Open:
+    """A question on its way."""
+
+    family: Family
+    packet: Packet
+    question: Question
+    text: str
+    end: float
+    """s: when its last byte was on the wire."""
+    mark: float
+    """s: when the piece came that its last byte was in."""
+    expected: bool
+    deadline: float
+    spoiled: bool = False
+    """Whether something corrupt came that may have been the answer."""
+
+    def fits(self, family: Family, packet: Packet) -> bool:
+        return family is self.family and self.question.reply is not None and self.question.reply.fits(packet)
+
+
+class Tracker:
+    """Makes sense of the traffic on one line, with servos of one family or, if none is given, of any.
+
+    family   whose packets these are; found out for each piece by default
+    model    whose registers these are; else those of the family's first model
+    baud     the line's speed, bit/s, from which the end of a request on the wire is reckoned
+    """
+
+    def __init__(self, family: Family | None = None, model: type[Model] | None = None, baud: int | None = None) -> None:
+        self._found_out = family is None and model is None
+        self._family = model.family if model else family
+        self._model = model
+        self._baud = baud
+        self._busy = 0.0
+        """s: until then what was sent is on the wire."""
+        self._streams: dict[tuple[str, Direction], Stream] = {}
+        self._held: list[Chunk] = []
+        """What came before the family is known."""
+        self._open: list[_Open] = []
+        self._overdue: deque[_Open] = deque(maxlen=ECHOES)
+        self._sent: deque[tuple[Packet, float]] = deque(maxlen=ECHOES)
+        """Requests that may be echoed, and until when."""
+        self._echo: bool | None = None
+        self._doubt: _Open | None = None
+        """A question whose answer was the same as itself, and may have been its echo."""
+        self._obeys: set[tuple[str, int]] = set()
+        """Servos that answered the last command."""
+        self._tallies: dict[tuple[str, int], Tally] = {}
+        self.junk = 0
+        """Bytes that were no packet."""
+        self.corrupt = 0
+        """Packets whose checksum was wrong."""
+        self.time = 0.0
+        """s: up to when the line was watched."""
+
+    @property
+    def family(self) -> Family | None:
+        """Whose packets the last ones were."""
+        return self._family
+
+    @property
+    def tallies(self) -> list[Tally]:
+        """What each servo did, in the order of families and ids."""
+        return [self._tallies[key] for key in sorted(self._tallies)]
+
+    def feed(self, entry: Entry) -> list[Sight]:
+        """Take in what was carried or heard, in the order of time."""
+        seen = self.pass_time(entry.time)
+        if isinstance(entry, End):
+            return seen
+        if isinstance(entry, Speed):
+            self._baud = entry.baud
+            text = f"the line is at {entry.baud} baud from here on"
+            return [*seen, Sight(entry.time, Direction.UNKNOWN, Kind.SPEED, text)]
+        return seen + self._take(entry)
+
+    def pass_time(self, now: float) -> list[Sight]:
+        """Say that nothing more came before `now`: what is incomplete stays so, who has not answered will not."""
+        now = round(now, DIGITS)
+        seen: list[Sight] = []
+        while (due := self._next_due()) is not None and due[0] <= now:
+            moment, what = due
+            if isinstance(what, _Open):
+                seen += self._give_up(what, moment)
+            elif isinstance(what, Stream):
+                seen += self._sort(what, what.flush())
+            else:
+                seen += self._decide_anyhow()
+        self.time = max(self.time, now)
+        return seen
+
+    def finish(self) -> list[Sight]:
+        """Say that this was all. Who was asked last and may still have answered counts neither way."""
+        seen = self._decide_anyhow() if self._held else []
+        for stream in self._streams.values():
+            seen += self._sort(stream, stream.flush())
+        self._open.clear()
+        return seen
+
+    def _next_due(self) -> "tuple[float, _Open | Stream | None] | None":
+        """Tell what happens next if nothing comes, and when."""
+        due: list[tuple[float, _Open | Stream | None]] = [(one.deadline, one) for one in self._open]
+        due += [(one.last + QUIET, one) for one in self._streams.values() if one.decoder.pending]
+        if self._held:
+            due.append((self._held[-1].time + QUIET, None))
+        return min(due, key=lambda one: one[0], default=None)
+
+    # Whose bytes these are
+
+    def _take(self, chunk: Chunk) -> list[Sight]:
+        if not self._found_out:
+            assert self._family is not None
+            return self._feed(self._family, chunk)
+        if self._family is None:
+            self._held.append(chunk)
+            family = clearest(self._held)
+            return self._decide(family) if family is not None else []
+        if not good(self._family, chunk.data):
+            # Only what is wholly made of another family's packets is its: a false packet may hide in anything.
+            others = (one for one in FAMILIES.values() if good(one, chunk.data) == len(chunk.data))
+            if (other := next(others, None)) is not None:
+                seen = [one for stream in self._streams.values() for one in self._sort(stream, stream.flush())]
+                self._family = other
+                return seen + self._feed(other, chunk)
+        return self._feed(self._family, chunk)
+
+    def _decide(self, family: Family) -> list[Sight]:
+        self._family = family
+        held, self._held = self._held, []
+        return [one for chunk in held for one in self._feed(family, chunk)]
+
+    def _decide_anyhow(self) -> list[Sight]:
+        family = best(self._held)
+        if family is not None:
+            return self._decide(family)
+        held, self._held = self._held, []
+        self.junk += sum(len(chunk.data) for chunk in held)
+        return [_junk(chunk.time, chunk.direction, chunk.data, None) for chunk in held]
+
+    def _feed(self, family: Family, chunk: Chunk) -> list[Sight]:
+        seen: list[Sight] = []
+        wire = chunk.time
+        if chunk.direction is Direction.OUT:
+            wire = max(chunk.time, self._busy)
+            self._busy = wire + self._wire_time(len(chunk.data))
+            answers = self._streams.get((family.name, Direction.IN))
+            if answers is not None and not family.full_duplex:
+                seen += self._sort(answers, answers.flush())  # the rest of it will not come any more
+        key = family.name, chunk.direction
+        stream = self._streams.get(key) or self._streams.setdefault(key, Stream(family, chunk.direction))
+        seen += self._sort(stream, stream.feed(chunk, wire))
+        if chunk.direction is Direction.IN and stream.decoder.pending > self._longest(family):
+            seen += self._sort(stream, stream.flush())  # a header that promises more than was asked for is none
+        return seen
+
+    def _longest(self, family: Family) -> float:
+        """Give the size of the longest answer that may come, in bytes; infinite while nothing was asked."""
+        asked = [one.question.reply for one in (*self._open, *self._overdue) if one.family is family]
+        sizes = [family.framing.overhead + max(reply.sizes) for reply in asked if reply is not None]
+        return max(sizes, default=math.inf) if self._open else math.inf
+
+    def _wire_time(self, count: int) -> float:
+        return count * BITS / self._baud if self._baud else 0.0
+
+    # What they say
+
+    def _sort(self, stream: Stream, placed: Sequence[tuple[int, bytes, Event]]) -> Iterator[Sight]:
+        for start, raw, event in placed:
+            first, last = stream.at(start), stream.at(start + len(raw) - 1)
+            match event:
+                case Noise():
+                    self.junk += len(raw)
+                    yield _junk(first.time, stream.direction, raw, stream.family)
+                case Corrupt(packet):
+                    yield self._corrupt(stream, packet, raw, first)
+                case Packet() if self._is_request(stream, event):
+                    end = last.time
+                    if stream.direction is Direction.OUT:
+                        end = last.wire + self._wire_time(event.end - last.start)
+                    yield from self._request(stream, event, raw, first, last, end)
+                case Packet():
+                    yield self._answer(stream, event, raw, first)
+
+    def _is_request(self, stream: Stream, packet: Packet) -> bool:
+        """Tell a request from an answer; where nobody says who sent it, by what was asked before."""
+        if stream.direction is not Direction.UNKNOWN:
+            return stream.direction is Direction.OUT
+        asked = self._answered_by(stream.family, packet)
+        if asked is not None and not (packet.data and packet == asked.packet):
+            return False
+        return stream.family.question(packet) is not None
+
+    def _answered_by(self, family: Family, packet: Packet) -> _Open | None:
+        return next((one for one in self._open if one.fits(family, packet)), None)
+
+    def _request(
+        self, stream: Stream, packet: Packet, raw: bytes, first: Mark, last: Mark, end: float
+    ) -> Iterator[Sight]:
+        family = stream.family
+        for one in list(self._open):
+            # Nobody asks on while he still waits, unless the line has two lanes and it is somebody else's turn.
+            if not (family is one.family and family.full_duplex and one.packet.id != packet.id):
+                yield from self._give_up(one, first.time)
+        question = family.question(packet)
+        if question is None:
+            data = f", data {show_bytes(packet.data)}" if packet.data else ""
+            text = f"unknown request {packet.code:#04x} {addressed(packet.id)}{data}"
+            question = Question(Reply(packet.id, None, (0,)), certain=False)  # it may be refused
+        else:
+            text = self._say(family, packet, None)
+        self._doubt = None
+        self._tally(family, packet.id).requests += 1
+        self._sent.append((packet, end + PATIENCE))
+        if question.reply is not None:
+            expected = question.certain or (family.name, packet.id) in self._obeys
+            size = family.framing.overhead + max(question.reply.sizes)
+            deadline = end + PATIENCE + self._wire_time(size)
+            self._open.append(_Open(family, packet, question, text, end, last.time, expected, deadline))
+        yield Sight(first.time, stream.direction, Kind.REQUEST, text, family, packet.id, raw)
+
+    def _answer(self, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> Sight:
+        family, time = stream.family, first.time
+        asked = self._answered_by(family, packet)
+        if stream.direction is Direction.IN and self._is_echo(packet, asked, time):
+            text = "echo of the request"
+            return Sight(time, stream.direction, Kind.ECHO, text, family, packet.id, raw)
+        tally = self._tally(family, packet.id)
+        if asked is not None:
+            self._open.remove(asked)
+            if self._echo is None:
+                if packet == asked.packet:
+                    self._doubt = asked
+                else:
+                    self._echo = False
+            self._tally(family, asked.packet.id).answered += 1
+            tally.answers += 1
+            if not asked.question.certain:
+                self._obeys.add((family.name, packet.id))
+            return self._answer_to(asked, stream, packet, raw, first)
+        if self._doubt is not None and self._doubt.fits(family, packet):
+            doubt, self._doubt, self._echo = self._doubt, None, True
+            return self._answer_to(doubt, stream, packet, raw, first)
+        trouble, text = self._misplaced(family, packet, time)
+        tally.other += 1
+        return Sight(time, stream.direction, Kind.ANSWER, text, family, packet.id, raw, None, trouble)
+
+    def _answer_to(self, asked: _Open, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> Sight:
+        family = stream.family
+        latency = None
+        if first.time > asked.mark:  # of two that came in one piece nobody knows
+            latency = max(first.time - asked.end, 0.0)
+            self._tally(family, packet.id).latencies[round(latency / GRAIN)] += 1
+        text = self._say(family, packet, asked.packet)
+        return Sight(first.time, stream.direction, Kind.ANSWER, text, family, packet.id, raw, latency)
+
+    def _is_echo(self, packet: Packet, asked: _Open | None, time: float) -> bool:
+        """Tell whether this is what was sent. Some requests look like their own answers (Dynamixel PING)."""
+        sent = next((one for one in self._sent if one[0] == packet and time < one[1]), None)
+        if sent is None or (asked is not None and not self._echo):
+            return False
+        self._sent.remove(sent)
+        self._echo = True
+        return True
+
+    def _misplaced(self, family: Family, packet: Packet, time: float) -> tuple[Trouble, str]:
+        """Say what is wrong with an answer that fits no open question."""
+        late = next((one for one in self._overdue if one.fits(family, packet) and time < one.end + MEMORY), None)
+        if late is not None:
+            self._overdue.remove(late)
+            said = self._say(family, packet, late.packet)
+            return Trouble.LATE, f"LATE, {1000 * (time - late.end):.0f} ms behind its question: {said}"
+        said = self._say(family, packet, None)
+        if family.question(packet) is not None:  # read as a request, it would say what it cannot mean here
+            data = f", data {show_bytes(packet.data)}" if packet.data else ""
+            said = f"answer of {servo(packet.id)}, {packet.code:#04x}{data}"
+        asked = next((one for one in self._open if one.family is family), None)
+        if asked is None:
+            return Trouble.UNASKED, f"NOBODY ASKED for this: {said}"
+        if asked.packet.id != packet.id:
+            return Trouble.STRANGER, f"STRANGER, id {asked.packet.id} was asked: {said}"
+        self._open.remove(asked)
+        self._tally(family, packet.id).failed += 1
+        return Trouble.MISFIT, f"DOES NOT FIT the question: {said}"
+
+    def _corrupt(self, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> Sight:
+        family = stream.family
+        asked = None
+        if stream.direction is not Direction.OUT:
+            asked = next((one for one in self._open if one.family is family), None)
+        if asked is not None:
+            asked.spoiled = True
+        # Its id may be what is wrong: it counts for a servo that was asked, or is known.
+        id = asked.packet.id if asked else packet.id
+        if asked is not None or (family.name, id) in self._tallies:
+            self._tally(family, id).corrupt += 1
+        self.corrupt += 1
+        said = self._say(family, packet, asked.packet if asked else None)
+        text = f"CHECKSUM WRONG: would be {said}"
+        return Sight(first.time, stream.direction, Kind.CORRUPT, text, family, id, raw, None, Trouble.CHECKSUM)
+
+    def _give_up(self, asked: _Open, time: float) -> Iterator[Sight]:
+        """End the wait for an answer."""
+        self._open.remove(asked)
+        self._overdue.append(asked)
+        tally = self._tally(asked.family, asked.packet.id)
+        if asked.spoiled:
+            tally.failed += 1
+        elif asked.expected:
+            tally.failed += 1
+            tally.missing += 1
+            # Perhaps it was told to answer commands no longer: it is not expected to until it does again.
+            self._obeys.discard((asked.family.name, asked.packet.id))
+            text = f"NO ANSWER to {asked.text}"
+            id = asked.packet.id
+            yield Sight(time, Direction.IN, Kind.SILENCE, text, asked.family, id, b"", None, Trouble.SILENT)
+
+    def _say(self, family: Family, packet: Packet, request: Packet | None) -> str:
+        return _explained(family, packet, request, (self._model or first_model(family)).key())
+
+    def _tally(self, family: Family, id: int) -> Tally:
+        key = family.name, id
+        if key not in self._tallies:
+            self._tallies[key] = Tally(family, id)
+        return self._tallies[key]
+
+
+@lru_cache(maxsize=REPEATED)
+def _explained(family: Family, packet: Packet, request: Packet | None, model: str) -> str:
+    return family.explain(packet, request, MODELS[model])
+
+
+def _junk(time: float, direction: Direction, raw: bytes, family: Family | None) -> Sight:
+    text = f"JUNK: {len(raw)} bytes that are no packet" if len(raw) > 1 else "JUNK: a byte that is no packet"
+    return Sight(time, direction, Kind.NOISE, text, family, None, raw, None, Trouble.JUNK)
