@@ -299,5 +299,5 @@ class Driver(ABC, Generic[S]):
         if packet is not None and exchange.alarms is not None:
             for servo in self._servos:
                 if servo.id == packet.id and servo.family.framing is exchange.framing:
-                    servo.alarms = exchange.alarms(packet)
+                    servo.note_alarms(exchange.alarms(packet))
         return collector.result()

@@ -3,7 +3,8 @@
     ServobusError
     ├── UsageError (ValueError)       what was asked makes no sense; nothing was sent
     │   ├── UnknownName (KeyError)    no such register, model, family or servo
-    │   └── BadValue                  a value that the register or the move cannot take
+    │   ├── BadValue                  a value that the register or the move cannot take
+    │   └── EepromWear                a register in EEPROM was written too often lately
     ├── PortError (OSError)           the port cannot be opened, is in use, or went away
     └── BusError                      an exchange failed
         ├── NoReply (TimeoutError)    silence
@@ -12,6 +13,7 @@
         ├── WrongReply                a good packet that does not answer what was asked
         ├── Refused                   the servo understood and said no
         ├── TorqueOff                 a move was asked of a servo without torque
+        ├── Restarted                 the servo lost what was set in its RAM
         └── MoveTimeout               the servo did not arrive in time
 
 An alarm (overheating, low voltage ...) is not in this tree: it is data, and stands beside the values.
@@ -36,6 +38,10 @@ class UnknownName(UsageError, KeyError):
 
 class BadValue(UsageError):
     """A value that a register or a move cannot take."""
+
+
+class EepromWear(UsageError):
+    """A register in EEPROM was written too often lately. It was read, and not written."""
 
 
 class PortError(ServobusError, OSError):
@@ -76,6 +82,10 @@ class Refused(BusError):
 
 class TorqueOff(BusError):
     """A move was asked of a servo whose torque is off."""
+
+
+class Restarted(BusError):
+    """The servo lost what was set in its RAM: its supply broke down, or somebody restarted it."""
 
 
 class MoveTimeout(BusError, TimeoutError):

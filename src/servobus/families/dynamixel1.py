@@ -1,9 +1,10 @@
 """The verbs of Dynamixel protocol 1.0. Packets and their sources: servobus.protocols.dynamixel1."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from servobus.errors import BadValue, NoReply, UsageError
+from servobus.errors import BadValue, BusError, NoReply, Refused, UsageError
 from servobus.exchange import Exchange, Procedure, ask
 from servobus.families.base import (
     Answers,
@@ -54,6 +55,7 @@ class Dynamixel1(Family):
     title = "Dynamixel protocol 1.0"
     framing = FRAMING
     default_baud = 57_600
+    fickle = frozenset({"goal_position", "moving_speed", "torque_limit", "registered_instruction"})
     # Table in manual 3-4-1, plus the codes in use elsewhere in the field; most likely first.
     bauds = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
 
@@ -83,18 +85,32 @@ class Dynamixel1(Family):
             for register in registers
         ]
 
-    def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        parts = {_address(register): register.layout.pack(raw) for register, raw in values.items()}
+    def put(
+        self,
+        target: Target,
+        values: Mapping[Register[Any], int],
+        *,
+        keep: bool,  # noqa: ARG002 - a register is in EEPROM or in RAM, never in both
+        same: Collection[Register[Any]] = (),
+    ) -> Procedure[None]:
+        fresh = {register: raw for register, raw in values.items() if register not in same}
+        parts = {_address(register): register.layout.pack(raw) for register, raw in fresh.items()}
         # The EEPROM wears, and a second write of id or speed would go to nobody: only RAM may be written twice.
-        in_ram = all(register.area is Area.RAM for register in values)
+        in_ram = all(register.area is Area.RAM for register in fresh)
         for address, data in adjacent(parts):
             yield _write(target, address, data, repeatable=in_ram)
 
-    def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        for register in values:
-            if register.area is not Area.EEPROM:
-                raise UsageError(f"{register.model} {register.name} lives in RAM and is lost at power-off")
-        yield from self.write(target, values)
+    def _check_unlocked(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[None]:
+        """Ask for Lock: once it is on, only addresses 24 to 35 can be written until power-off (3-4-2 Lock)."""
+        if target.answers is Answers.NOTHING:
+            return
+        (locked,) = yield from ask(self.read(target, [target.model.register("lock")]))
+        if locked:
+            names = ", ".join(register.name for register in registers)
+            raise UsageError(
+                f"{target} is locked, so {names} cannot be written: until its power goes off only addresses 24 to 35 "
+                "(torque_enable to torque_limit) can; switch it off and on first"
+            )
 
     def stance(self, target: Target) -> Procedure[Stance]:
         names = ("present_position", "torque_enable", "cw_angle_limit", "ccw_angle_limit")
@@ -142,6 +158,37 @@ class Dynamixel1(Family):
                 here = min(max(goal.scale.encode(stance.position), stance.low), stance.high)
                 yield from self.write(target, {goal: here})
         yield from self.write(target, {model.register("torque_enable"): int(on)})
+
+    def read_alarms(self, target: Target) -> Procedure[int]:
+        """PING: the alarms stand in the error byte of its answer."""
+        asking: Exchange[Any] = self.ping(target.id)
+        alarms: Error = yield replace(asking, interpret=lambda packet: Error(packet.code) & ALARMS)
+        return alarms
+
+    def rearm(self, target: Target) -> Procedure[None]:
+        """End a shutdown: it has set Torque Limit to 0 and left Torque Enable on (3-4-1 Alarm Shutdown).
+
+        So Torque Enable goes off first. Else the servo would run to its old goal as soon as it has its limit back.
+        """
+        model = target.model
+        enable, limit = model.register("torque_enable"), model.register("torque_limit")
+        rows = [enable, limit, model.register("max_torque"), model.register("alarm_shutdown")]
+        on, limited, most, mask = yield from ask(self.read(target, rows))
+        if on and limited:
+            return
+        yield from self.write(target, {enable: 0})
+        yield from self.write(target, {limit: most})
+        standing = (yield from self.read_alarms(target)) & mask
+        if standing:
+            said = Flags(Error).show(Error(standing))
+            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
+        stance = yield from self.stance(target)
+        if stance.turning:
+            yield from self._write_raw_speed(target, 0)  # what it turned with before would set it going again
+        yield from self.torque(target, on=True)
+        on, limited = yield from ask(self.read(target, rows[:2]))
+        if not (on and limited):
+            raise BusError(f"{target}: the torque did not come on")
 
     def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""

@@ -4,10 +4,10 @@ A JOG, the command that moves, sets the lights as well: without colours in it th
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from servobus.errors import BadValue, NoReply, Refused, UsageError
+from servobus.errors import BadValue, BusError, NoReply, Refused
 from servobus.exchange import Exchange, Pause, Procedure, Reply, ask, sent
 from servobus.families.base import (
     Answers,
@@ -54,6 +54,7 @@ from servobus.protocols.herkulex import (
     SJog,
     Stat,
     StatusDetail,
+    StatusError,
     TorqueControl,
     eep_read,
     eep_write,
@@ -91,6 +92,8 @@ class Herkulex(Family):
     bauds = tuple(BAUD.codes.values())
     full_duplex = True
     max_move_time = LONGEST_PLAYTIME * TICK
+    # Torque Control is among what tells a restart; the light is not, for a JOG sets it. The id is no setting.
+    fickle = frozenset({"id", "status_error", "status_detail", "aux_1", "led_control"})
 
     def ping(self, id: int) -> Exchange[None]:
         """STAT: the one request that is always answered."""
@@ -115,22 +118,23 @@ class Herkulex(Family):
         """Read from EEP what EEP has, the rest from RAM."""
         return (yield from _fetch(target, registers, [_kept(row) or _acting(row) for row in registers]))
 
-    def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Write to RAM what RAM has, the rest to EEP, where it acts after the next start."""
-        yield from _send(target, [(_acting(row), row.layout.pack(raw)) for row, raw in values.items()])
+    def put(
+        self, target: Target, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
+    ) -> Procedure[None]:
+        """For now: to RAM what RAM has, the rest to EEP, where it acts after the next start.
 
-    def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Write to EEP, and to RAM what RAM has too: it acts now and survives power-off.
-
-        What RAM does not have (Baud Rate) acts after the next start.
+        For good: to EEP, and to RAM what RAM has too, so that it acts now and survives power-off. What RAM does not
+        have (Baud Rate) acts after the next start.
         """
         parts = []
         for row, raw in values.items():
-            kept = _kept(row)
-            if kept is None:
-                raise UsageError(f"{row.model} {row.name} lives in RAM and is lost at power-off")
-            parts += [(spot, row.layout.pack(raw)) for spot in (kept, _acting(row))]
+            spots = {_acting(row), _kept(row) or _acting(row)} if keep else {_acting(row)}
+            parts += [(spot, row.layout.pack(raw)) for spot in spots if spot[0] is Area.RAM or row not in same]
         yield from _send(target, parts)
+
+    def wears(self, register: Register[Any], *, keep: bool) -> bool:
+        """EEP is written by `store`, and by `write` where RAM does not have the register."""
+        return isinstance(register.place, Eep | EepRam if keep else Eep)
 
     def stance(self, target: Target) -> Procedure[Stance]:
         names = ("calibrated_position", "torque_control", "min_position", "max_position", "current_control_mode")
@@ -184,6 +188,51 @@ class Herkulex(Family):
                 why = f"because of {show_flags(ack.status_error)}; write 0 to status_error first"
                 raise Refused(f"{target}: torque stays off {why}", ack.status_error)
 
+    def read_alarms(self, target: Target) -> Procedure[int]:
+        """STAT: Status Error, in which every alarm stays until it is cleared (6-3 Example 2)."""
+        return (yield from ask(stat(target.id))).status_error
+
+    def rearm(self, target: Target) -> Procedure[None]:
+        """Clear Status Error and Status Detail, then switch the torque on: it takes the present position (H-51).
+
+        What is wrong shows in Status Error only after ADC Fault Check Period, so supply and temperature are compared
+        with their limits here.
+        """
+        model = target.model
+        if (yield from self.stance(target)).torque:
+            yield from self._clear(target)
+            return
+        names = ("torque_policy", "voltage", "min_voltage", "max_voltage", "temperature", "max_temperature")
+        policy, volts, low, high, celsius, hottest = yield from ask(
+            self.read(target, [model.register(name) for name in names])
+        )
+        standing = StatusError(0)
+        if not low <= volts <= high:
+            standing |= StatusError.INPUT_VOLTAGE
+        if celsius > hottest:
+            standing |= StatusError.TEMPERATURE
+        if not standing & policy:
+            standing = yield from self._clear(target)
+        if standing & policy:
+            said = show_flags(standing & policy)
+            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
+        if (yield from self.stance(target)).turning:
+            # The mode is kept without torque, the speed perhaps too: it shall not go on turning.
+            yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
+        yield from self.torque(target, on=True)
+        if not (yield from self.stance(target)).torque:
+            raise BusError(f"{target}: the torque did not come on")
+
+    def _clear(self, target: Target) -> Procedure[StatusError]:
+        """Write 0 to Status Error and Status Detail; give what stands there afterwards."""
+        clear = {target.model.register(name): 0 for name in ("status_error", "status_detail")}
+        yield from self.write(target, clear)
+        ack = yield from ask(stat(target.id))
+        if ack.status_error:  # by default a write is not answered: it may have been lost
+            yield from self.write(target, clear)
+            ack = yield from ask(stat(target.id))
+        return ack.status_error
+
     def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Infinite turn, with controlled speed. Asked for more than it reaches, it obeys late (6-5)."""
         if speed is None or output is not None:
@@ -217,7 +266,13 @@ class Herkulex(Family):
         yield from self.write(target, {target.model.register("led_control"): _COLOURS[colour]})
 
     def reboot(self, target: Target) -> Procedure[None]:
-        yield from ask(reboot(target.id, answered=_answers(target)))
+        if target.notes is not None:
+            target.notes.forget()
+        try:
+            yield from ask(reboot(target.id, answered=_answers(target)))
+        except BusError:
+            yield Pause(BOOT_TIME)  # it may be on its way all the same
+            raise
         yield Pause(BOOT_TIME)
 
     def reset(self, target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
@@ -240,16 +295,39 @@ class Herkulex(Family):
     def set_id(self, target: Target, id: int) -> Procedure[None]:
         """Write EEP, then RAM, both under the old id: it changes with the second write (H-36).
 
-        If that one is lost the servo goes on under its old id until it restarts, and all can be done again.
+        EEP is read back in between. So a servo that goes by the new id keeps it, and one that still goes by the old
+        one can be given it again.
         """
-        yield from self.store(target, {target.model.register("id"): check_id(id)})
+        row = target.model.register("id")
+        yield from self._keep(target, row, check_id(id))
+        yield from self.put(target, {row: id}, keep=False)
 
     def set_baud(self, target: Target, baud: int) -> Procedure[None]:
         """Write EEP and restart: Baud Rate acts only then (H-37)."""
         register = target.model.register("baud_rate")
-        yield from self.store(target, {register: register.encode(baud)})
+        yield from self._keep(target, register, register.encode(baud))
         yield Pause(EEP_TIME)
         yield from self.reboot(target)
+
+    def _keep(self, target: Target, row: Register[Any], raw: int) -> Procedure[None]:
+        """Write one register to EEP and nowhere else, until it is there. Raises BusError if it does not get there."""
+        spot = _kept(row)
+        assert spot is not None
+        part = spot, row.layout.pack(raw)
+        if target.answers is Answers.NOTHING:  # then nothing can be made sure of
+            yield from _send(target, [part])
+            return
+        for _ in range(2):
+            (kept,) = yield from ask(self.read_stored(target, [row]))
+            if kept == raw:
+                return
+            if target.notes is not None:
+                target.notes.check_wear(str(target), [row])
+                target.notes.wrote([row])
+            yield from _send(target, [part])
+        (kept,) = yield from ask(self.read_stored(target, [row]))
+        if kept != raw:
+            raise BusError(f"{target} did not keep {row.name} = {raw}: it is {kept}")
 
     def explain(
         self,
