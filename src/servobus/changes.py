@@ -5,7 +5,7 @@ it should be now, then where it was. Nothing is told twice before it is known th
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from servobus.errors import BusError, NoReply, Refused, UsageError
 from servobus.exchange import Pause, Procedure, SetBaud, ask
@@ -75,12 +75,22 @@ def reset(target: Target, baud: int, keep: frozenset[str]) -> Procedure[End]:
             "give that one another id first, or connect this one alone"
         )
 
+    first = True
+
     def attempt() -> Procedure[None]:
         """Reset; where neither id nor speed tell whether it happened, the settings must."""
-        rows = _resettable(target.model) if new == old and target.answers is not Answers.NOTHING else []
-        before = yield from ask(family.read_stored(target, rows))
-        yield from family.reset(target, keep)
-        after = yield from ask(family.read_stored(target, rows))
+        nonlocal first
+        servo = target
+        if not first:  # it may have factory settings by now, and answer by them
+            servo = replace(target, answers=(yield from family.identify(target.id)).answers)
+        first = False
+        if new != old or servo.answers is Answers.NOTHING:
+            yield from family.reset(servo, keep)
+            return
+        rows = _resettable(target.model)
+        before = yield from ask(family.read_stored(servo, rows))
+        yield from family.reset(servo, keep)
+        after = yield from ask(family.read_stored(servo, rows))
         if before == after and any(raw != row.default for row, raw in zip(rows, before, strict=True)):
             raise BusError(f"{target} still has its settings: it did not take the reset")
 

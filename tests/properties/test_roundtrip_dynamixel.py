@@ -160,12 +160,12 @@ def test_every_return_level_comes_back_where_reads_are_answered() -> None:
         bench.servo.write_raw({RX28.status_return_level: raw})
         bench.port.sleep(0.002)
         assert bench.read(RX28.status_return_level) == (raw,)
-    bench.write({RX28.status_return_level: 0})
+    bench.servo.write_raw({RX28.status_return_level: 0})
     with pytest.raises(UsageError):
         bench.read(RX28.status_return_level)
     assert bench.virtual.memory[RX28.status_return_level] == 0
     bench.servo.ping()
-    bench.write({RX28.status_return_level: 1})  # the servo is silent about it
+    bench.servo.write_raw({RX28.status_return_level: 1})  # the servo is silent about it
     bench.port.sleep(0.002)
     assert bench.read(RX28.status_return_level) == (1,)
 
