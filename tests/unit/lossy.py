@@ -1,7 +1,13 @@
 """A line between a driver and virtual servos that loses what a test says, and counts."""
 
+import asyncio
 from collections.abc import Callable
+from typing import Any
 
+from servobus import MODELS, Bus
+from servobus.aio import AsyncBus
+from servobus.families.base import Answers
+from servobus.servo import Servo
 from servobus.transports.base import Transport
 from servobus.virtual.inprocess import VirtualPort, connect
 from servobus.virtual.servo import VirtualServo
@@ -60,3 +66,47 @@ class Lossy(Transport):
 
     def sleep(self, seconds: float) -> None:
         self.port.sleep(seconds)
+
+
+SYNC, ASYNC = "sync", "async"
+Job = Callable[[Any], Any]
+
+
+class Bench:
+    """One virtual servo with id 5 behind a lossy line, and a driver for it."""
+
+    def __init__(self, key: str, driver: str, answers: Answers, id: int = 5) -> None:
+        self.line = Lossy(f"{key}@{id}")
+        self.bus: Any = (Bus if driver == SYNC else AsyncBus)(self.line, echo=False)
+        if key != "lx16a":
+            level = MODELS[key].register("answer_level")
+            self.real.memory.store(level, answers)
+            self.real.power_on(0.0)
+        self.servo: Servo = self.bus.attach(MODELS[key], id, answers=answers)
+
+    @property
+    def real(self) -> VirtualServo:
+        """The virtual servo, up to date."""
+        return self.line.servos[0]
+
+    def do(self, job: Job) -> Any:
+        """Carry out a job on the servo, whichever driver it has."""
+        if isinstance(self.bus, Bus):
+            return job(self.servo)
+
+        async def main() -> Any:
+            return await job(self.servo)
+
+        return asyncio.run(main())
+
+    def at(self) -> tuple[int, int]:
+        """Where the servo object is."""
+        return self.servo.id, self.servo.baud
+
+    def really_at(self) -> tuple[int, int]:
+        """Where the virtual servo is; speeds as the manual prints them."""
+        near = min(self.real.model.family.bauds, key=lambda baud: abs(baud - self.real.baud))
+        return self.real.id, near
+
+    def stored(self, name: str) -> int:
+        return self.real.memory.eeprom[self.real.model.register(name)]

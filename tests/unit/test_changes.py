@@ -1,59 +1,16 @@
 """Changes of id, speed and settings on a line that loses requests and replies, one after the other (F19)."""
 
-import asyncio
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 from servobus import DRS0602, MODELS, RX28, BadValue, Bus, BusError, NoReply, UsageError
-from servobus.aio import AsyncBus
 from servobus.families.base import Answers
-from servobus.servo import Servo
-from unit.lossy import Lossy
+from unit.lossy import ASYNC, SYNC, Bench, Job, Lossy
 
 SPEEDS = {"rx28": (57_600, 1_000_000), "drs0602": (115_200, 500_000)}
 """Factory speed and another one (RX-28 manual 3-4-1; DRS-0602 manual 4-2 NO 5)."""
-SYNC, ASYNC = "sync", "async"
-Job = Callable[[Any], Any]
-
-
-class Bench:
-    """One virtual servo with id 5 behind a lossy line, and a driver for it."""
-
-    def __init__(self, key: str, driver: str, answers: Answers, id: int = 5) -> None:
-        self.line = Lossy(f"{key}@{id}")
-        self.bus: Any = (Bus if driver == SYNC else AsyncBus)(self.line, echo=False)
-        self.real = self.line.servos[0]
-        if key != "lx16a":
-            level = MODELS[key].register("answer_level")
-            self.real.memory.store(level, answers)
-            self.real.power_on(0.0)
-        self.servo: Servo = self.bus.attach(MODELS[key], id, answers=answers)
-
-    def do(self, job: Job) -> Any:
-        """Carry out a job on the servo, whichever driver it has."""
-        if isinstance(self.bus, Bus):
-            return job(self.servo)
-
-        async def main() -> Any:
-            return await job(self.servo)
-
-        return asyncio.run(main())
-
-    def at(self) -> tuple[int, int]:
-        """Where the servo object is."""
-        return self.servo.id, self.servo.baud
-
-    def really_at(self) -> tuple[int, int]:
-        """Where the virtual servo is; speeds as the manual prints them."""
-        near = min(self.real.model.family.bauds, key=lambda baud: abs(baud - self.real.baud))
-        return self.real.id, near
-
-    def stored(self, name: str) -> int:
-        return self.real.memory.eeprom[self.real.model.register(name)]
-
-
 KINDS = [
     (key, answers)
     for key in MODELS
