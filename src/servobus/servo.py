@@ -194,6 +194,7 @@ class Servo:
         yield from self.family.rearm(self.target)
         self.note_alarms((yield from self.family.read_alarms(self.target)))
         self.latched = self.alarms
+        self.notes.restarted = False
 
     @Operation
     def stop(self) -> Procedure[None]:
