@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from servobus import DRS0602, LX16A, MODELS, RX28, BadValue, EepromWear, Restarted, TorqueOff, UsageError, deg
+from servobus import DRS0602, LX16A, MODELS, RX28, BadValue, EepromWear, NoReply, Restarted, TorqueOff, UsageError, deg
 from servobus.backup import Backup
 from servobus.families.base import Answers
 from servobus.registers import Register
@@ -164,6 +164,15 @@ def test_other_registers_have_brakes_of_their_own_and_it_can_be_taken_off() -> N
     assert servo.eeprom_writes == 12
 
 
+def test_a_write_whose_answer_is_lost_counts() -> None:
+    bench = bench_for("rx28")
+    bench.line.lose(reply=3)  # the value, Lock, the write
+    with pytest.raises(NoReply):
+        bench.servo.store({RX28.max_torque: 0.5})
+    assert bench.stored("max_torque") == 512
+    assert bench.servo.eeprom_writes == 1
+
+
 @EVERY
 def test_a_restored_backup_is_counted(key: str) -> None:
     bench, row = bench_for(key), SETTING[key]
@@ -296,6 +305,17 @@ def test_moves_and_torque_off_are_no_restart(key: str) -> None:
     bench.do(lambda servo: servo.verify())
     bench.do(lambda servo: servo.torque_off())
     bench.do(lambda servo: servo.verify())
+
+
+def test_a_write_whose_answer_is_lost_is_no_restart() -> None:
+    bench = Bench("drs0602", SYNC, Answers.EVERYTHING)
+    servo: Any = bench.servo
+    servo.write(DRS0602.position_kp, 20.0)
+    bench.line.lose(reply=1)
+    with pytest.raises(NoReply):
+        servo.write(DRS0602.position_kp, 30.0)
+    assert servo.read(DRS0602.position_kp) == 30.0
+    servo.verify()
 
 
 def test_our_own_restart_is_none() -> None:

@@ -109,6 +109,28 @@ def test_an_rx28_gets_its_torque_limit_back_only_after_its_goal() -> None:
     assert writes[3][1] == b"\x01"
 
 
+def test_a_herkulex_that_is_hot_is_refused_before_it_calls_it_an_alarm() -> None:
+    bench = bench_for("drs0602")
+    bench.real.temperature = 110.0
+    bench.line.sleep(0.05)  # less than the 504 ms of ADC Fault Check Period
+    assert bench.real.get("status_error") == 0
+    with pytest.raises(Refused, match="cause is still there: temperature"):
+        bench.do(lambda servo: servo.rearm())
+    assert not bench.real.torque
+
+
+def test_a_herkulex_in_infinite_turn_is_told_to_stop_before_its_torque_comes_on() -> None:
+    bench = bench_for("drs0602")
+    bench.do(lambda servo: servo.turn(speed=90 * deg))  # without torque it changes the mode alone (EH-16)
+    bench.line.lose()
+    bench.do(lambda servo: servo.rearm())
+    sets = [(request[4], request[7:]) for request in bench.line.requests if request[4] in (3, 5)]
+    assert [code for code, _ in sets] == [3, 5, 3]
+    assert sets[0][1] == bytes((48, 2, 0, 0))  # both status bytes (6-3 Example 2)
+    assert sets[1][1] == bytes((0, 0, 0x03, 5, 0))  # speed 0, stop flag and mode (6-6), id 5
+    assert sets[2][1] == bytes((52, 1, 0x60))  # Torque Control on (4-2 NO 47)
+
+
 def test_an_lx16a_that_lost_its_torque_is_rearmed_at_its_place() -> None:
     bench = bench_for("lx16a")
     bench.do(lambda servo: servo.write_many({LX16A.goal_position: 200 * deg, LX16A.goal_time: 0.0}))
