@@ -41,7 +41,7 @@ def change_id(target: Target, baud: int, id: int) -> Procedure[None]:
         return
     if (yield from _taken(family, new, old)):
         raise UsageError(f"id {id} is not free: a servo answers to it")
-    yield from _change(target, old, new, lambda: family.set_id(target, id))
+    yield from _change(target, old, new, lambda end: family.set_id(target, end.id))
 
 
 def change_baud(target: Target, baud: int, new_baud: int) -> Procedure[None]:
@@ -56,7 +56,7 @@ def change_baud(target: Target, baud: int, new_baud: int) -> Procedure[None]:
         raise UsageError(
             f"another servo answers to id {target.id} at {new_baud} baud: give one of them another id first"
         )
-    yield from _change(target, old, new, lambda: family.set_baud(target, new_baud))
+    yield from _change(target, old, new, lambda end: family.set_baud(target, end.baud))
 
 
 def reset(target: Target, baud: int, keep: frozenset[str]) -> Procedure[End]:
@@ -77,7 +77,7 @@ def reset(target: Target, baud: int, keep: frozenset[str]) -> Procedure[End]:
 
     first = True
 
-    def attempt() -> Procedure[None]:
+    def attempt(_: End) -> Procedure[None]:
         """Reset; where neither id nor speed tell whether it happened, the settings must."""
         nonlocal first
         servo = target
@@ -94,7 +94,7 @@ def reset(target: Target, baud: int, keep: frozenset[str]) -> Procedure[End]:
         if before == after and any(raw != row.default for row, raw in zip(rows, before, strict=True)):
             raise BusError(f"{target} still has its settings: it did not take the reset")
 
-    yield from _change(target, old, new, attempt)
+    yield from _change(target, old, new, attempt, back=False)
     return new
 
 
@@ -108,13 +108,19 @@ def _resettable(model: type[Model]) -> list[Register[int]]:
     ]
 
 
-def _change(target: Target, old: End, new: End, attempt: Callable[[], Procedure[None]]) -> Procedure[None]:
-    """Try to bring a servo from one end to the other, a second time if it is found where it was."""
+def _change(
+    target: Target, old: End, new: End, attempt: Callable[[End], Procedure[None]], *, back: bool = True
+) -> Procedure[None]:
+    """Try to bring a servo from one end to the other, a second time if it is found where it was.
+
+    If it stays there for good and `back` is true, it is told to: a HerkuleX keeps what is told in EEP, and would go to
+    the new end with its next start.
+    """
     problem: BusError | None = None
     for _ in range(2):
         problem = None
         try:
-            yield from attempt()
+            yield from attempt(new)
         except BusError as error:
             problem = error
         end = yield from _locate(target.model.family, new, old)
@@ -125,9 +131,17 @@ def _change(target: Target, old: End, new: End, attempt: Callable[[], Procedure[
             ) from problem
         if end == new and (new != old or problem is None):
             return
-    if isinstance(problem, Refused) or (new == old and problem is not None):
+    if new == old and problem is not None:
         raise problem
-    raise BusError(f"{target} is still at {old}: it was told twice to go to {new}") from problem
+    message = f"{target} is still at {old}: it was told twice to go to {new}"
+    if back:
+        try:
+            yield from attempt(old)
+        except BusError:
+            message += ", and may be there after its next start"
+    if isinstance(problem, Refused):
+        raise problem
+    raise BusError(message) from problem
 
 
 def _locate(family: Family, new: End, old: End) -> Procedure[End | None]:

@@ -120,6 +120,7 @@ def test_a_servo_that_does_not_take_the_id_is_told_twice_and_stays(key: str, dri
     assert not isinstance(caught.value, NoReply)
     assert told == 2
     assert bench.at() == bench.really_at()
+    assert bench.stored("id") == 5  # also after its next start
     bench.line.on_request = None
     bench.do(lambda servo: servo.ping())
     bench.do(lambda servo: servo.change_id(7))
@@ -151,6 +152,7 @@ def test_a_servo_whose_speed_does_not_change_is_spoken_to_at_the_old_one(key: st
         bench.do(lambda servo: servo.change_baud(SPEEDS[key][1]))
     assert bench.at() == bench.really_at() == (5, SPEEDS[key][0])
     assert bench.line.baud == SPEEDS[key][0]
+    assert bench.stored("baud") == MODELS[key].register("baud").default  # also after its next start
     bench.do(lambda servo: servo.ping())
 
 

@@ -177,7 +177,7 @@ class Herkulex(Family):
         if on:
             ack = yield from ask(stat(target.id))
             if ack.status_error and StatusDetail.TORQUE_ON not in ack.status_detail:
-                why = f"because of {show_flags(ack.status_error)}; write 0 to status_error first"
+                why = f"because of {show_flags(ack.status_error)}; rearm() clears what is over"
                 raise Refused(f"{target}: torque stays off {why}", ack.status_error)
 
     def read_alarms(self, target: Target) -> Procedure[int]:
@@ -292,7 +292,8 @@ class Herkulex(Family):
         """
         row = target.model.register("id")
         yield from self._keep(target, row, check_id(id))
-        yield from self.put(target, {row: id}, keep=False)
+        if id != target.id:
+            yield from self.put(target, {row: id}, keep=False)
 
     def set_baud(self, target: Target, baud: int) -> Procedure[None]:
         """Write EEP and restart: Baud Rate acts only then (H-37)."""
