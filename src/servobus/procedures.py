@@ -321,8 +321,8 @@ def verify(target: Target) -> Procedure[None]:
     notes.forget()
     notes.restarted = True
     raise Restarted(
-        f"{target} has lost what was set in it: it restarted, a write was lost, or another program changed it ({said}). "
-        "Set it up again; it moves after torque_on() or rearm()"
+        f"{target} has lost what was set in it: it restarted, a write was lost, or another program changed it "
+        f"({said}). Set it up again; it moves after torque_on() or rearm()"
     )
 
 
