@@ -46,7 +46,7 @@ def look(target: Target) -> Procedure[State]:
     """Read position, voltage, temperature and torque."""
     names = ("present_position", "present_voltage", "present_temperature", "torque_enable")
     rows = [target.model.register(name) for name in names]
-    raw = yield from target.model.family.read(target, rows)
+    raw = yield from ask(target.model.family.read(target, rows))
     position, voltage, temperature, _ = (row.decode(value) for row, value in zip(rows, raw, strict=True))
     return State(position, voltage, temperature, target.model.family.torque_on(raw[3]))
 
@@ -157,7 +157,7 @@ def arrive(course: Course, *, timeout: float | None = None, tolerance: float = 3
         row = leg.target.model.register("present_position")
         while True:
             moving = yield from leg.target.model.family.moving(leg.target)
-            (raw,) = yield from leg.target.model.family.read(leg.target, [row])
+            (raw,) = yield from ask(leg.target.model.family.read(leg.target, [row]))
             if not moving and abs(row.decode(raw) - row.decode(leg.goal)) <= tolerance:
                 break
             if left <= 0:

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 from servobus import changes, procedures
 from servobus.backup import Backup, backup, restore
 from servobus.errors import Restarted, UsageError
-from servobus.exchange import Job, Procedure
+from servobus.exchange import Job, Procedure, ask
 from servobus.families.base import Answers, Family, Model, Target
 from servobus.families.notes import Notes, check_max_step
 from servobus.operation import Operation
@@ -125,13 +125,13 @@ class Servo:
     @Operation
     def read(self, register: Register[T]) -> Procedure[T]:
         """Read one register, in its unit: `servo.read(RX28.present_position)` gives radians."""
-        values = yield from self.family.read(self.target, [self._own(register)])
+        values = yield from ask(self.family.read(self.target, [self._own(register)]))
         return register.decode(values[0])
 
     @Operation
     def read_many(self, registers: Sequence[Register[Any]]) -> Procedure[dict[str, Any]]:
         """Read several registers in as few exchanges as possible; gives name -> value."""
-        values = yield from self.family.read(self.target, [self._own(register) for register in registers])
+        values = yield from ask(self.family.read(self.target, [self._own(register) for register in registers]))
         return {register.name: register.decode(raw) for register, raw in zip(registers, values, strict=True)}
 
     @Operation

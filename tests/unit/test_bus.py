@@ -63,6 +63,8 @@ def test_alarms_end_with_the_next_good_reply() -> None:
     servo.read(RX28.present_temperature)
     servo.read(RX28.present_temperature)
     assert servo.alarms == 0
+    assert servo.latched == dynamixel1.Error.OVERLOAD | dynamixel1.Error.OVERHEATING
+    assert str(servo) == "RX-28 id 1 at 57600, had ALARM overheating+overload"
 
 
 def test_refusal_is_an_exception() -> None:

@@ -115,7 +115,7 @@ class Dynamixel1(Family):
     def stance(self, target: Target) -> Procedure[Stance]:
         names = ("present_position", "torque_enable", "cw_angle_limit", "ccw_angle_limit")
         rows = [target.model.register(name) for name in names]
-        position, torque, low, high = yield from self.read(target, rows)
+        position, torque, low, high = yield from ask(self.read(target, rows))
         return Stance(rows[0].decode(position), bool(torque), low, high, turning=low == high == 0)
 
     def check_leg(self, leg: Leg) -> None:
@@ -137,7 +137,7 @@ class Dynamixel1(Family):
             yield from ask(sync_write(goal, {id: data[id] for id in ids[start : start + most]}))
 
     def moving(self, target: Target) -> Procedure[bool]:
-        (moving,) = yield from self.read(target, [target.model.register("moving")])
+        (moving,) = yield from ask(self.read(target, [target.model.register("moving")]))
         return bool(moving)
 
     def stop(self, target: Target) -> Procedure[None]:
@@ -146,7 +146,7 @@ class Dynamixel1(Family):
         if stance.turning:
             yield from self.write(target, {model.register("moving_speed"): 0})
             return
-        (position,) = yield from self.read(target, [model.register("present_position")])
+        (position,) = yield from ask(self.read(target, [model.register("present_position")]))
         yield from self.write(target, {model.register("goal_position"): position})
 
     def torque(self, target: Target, on: bool) -> Procedure[None]:

@@ -131,7 +131,7 @@ class Herkulex(Family):
     def stance(self, target: Target) -> Procedure[Stance]:
         names = ("calibrated_position", "torque_control", "min_position", "max_position", "current_control_mode")
         rows = [target.model.register(name) for name in names]
-        position, torque, low, high, mode = yield from self.read(target, rows)
+        position, torque, low, high, mode = yield from ask(self.read(target, rows))
         on = torque == TorqueControl.ON
         return Stance(rows[0].decode(position), on, low, high, turning=mode == ControlMode.INFINITE_TURN)
 
@@ -273,9 +273,9 @@ class Herkulex(Family):
         id, baud = (target.model.register(name) for name in ("id", "baud_rate"))
         new_id, code = id.default, baud.default
         if "id" in keep:
-            (new_id,) = yield from self.read_stored(target, [id])
+            (new_id,) = yield from ask(self.read_stored(target, [id]))
         if "baud" in keep:
-            (code,) = yield from self.read_stored(target, [baud])
+            (code,) = yield from ask(self.read_stored(target, [baud]))
         assert new_id is not None
         assert code is not None
         kept = Keep(sum(_KEEPS[name] for name in keep))

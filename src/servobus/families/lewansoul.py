@@ -88,7 +88,7 @@ class Lewansoul(Family):
     def stance(self, target: Target) -> Procedure[Stance]:
         names = ("present_position", "torque_enable", "min_position", "max_position", "mode")
         rows = [target.model.register(name) for name in names]
-        position, torque, low, high, mode = yield from self.read(target, rows)
+        position, torque, low, high, mode = yield from ask(self.read(target, rows))
         return Stance(rows[0].decode(position), bool(torque), low, high, turning=mode == Mode.MOTOR)
 
     def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
@@ -103,9 +103,9 @@ class Lewansoul(Family):
     def moving(self, target: Target) -> Procedure[bool]:
         """Compare two positions: no flag tells. Slower than one unit in 50 ms (4.8°/s) counts as rest."""
         row = [target.model.register("present_position")]
-        before = yield from self.read(target, row)
+        before = yield from ask(self.read(target, row))
         yield Pause(WATCH)
-        after = yield from self.read(target, row)
+        after = yield from ask(self.read(target, row))
         return before != after
 
     def stop(self, target: Target) -> Procedure[None]:
@@ -207,7 +207,7 @@ class Lewansoul(Family):
             return problem
 
     def _mode(self, target: Target) -> Procedure[int]:
-        (mode,) = yield from self.read(target, [target.model.register("mode")])
+        (mode,) = yield from ask(self.read(target, [target.model.register("mode")]))
         return mode
 
     def _write(self, target: Target, values: Mapping[Register[Any], int], *, save: bool) -> Procedure[None]:

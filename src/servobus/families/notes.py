@@ -6,7 +6,6 @@ target without notes is written to as asked, without a look at what is there.
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -27,7 +26,7 @@ class Notes:
 
     clock           seconds that never go back; by it the brake on EEPROM writes counts. Assumption: the
                     computer's own clock, even where the servo lives on a virtual one
-    most            EEPROM writes of one register within WINDOW; None takes the brake off
+    most            EEPROM writes of one register within WINDOW, 1 or more; None takes the brake off
     eeprom_writes   values written to its EEPROM so far
     ram             raw values that we gave it and that it keeps by itself until it restarts
     restarted       whether it lost them, so that it must not be moved before the torque is switched on anew
@@ -40,7 +39,7 @@ class Notes:
     ram: dict[Register[Any], int] = field(default_factory=dict)
     restarted: bool = False
     max_step: float | None = None
-    _recent: dict[str, deque[float]] = field(default_factory=dict)
+    _recent: dict[str, list[float]] = field(default_factory=dict)
     """Register -> times of its last writes."""
 
     def check_wear(self, who: str, registers: Iterable[Register[Any]]) -> None:
@@ -49,8 +48,7 @@ class Notes:
             return
         now = self.clock()
         for register in registers:
-            recent = self._recent.get(register.name, ())
-            written = [moment for moment in recent if now - moment < WINDOW]
+            written = self._lately(register, now)
             if len(written) < self.most:
                 continue
             wait = math.ceil(WINDOW - (now - written[-self.most]))
@@ -69,7 +67,10 @@ class Notes:
         now = self.clock()
         for register in registers:
             self.eeprom_writes += 1
-            self._recent.setdefault(register.name, deque(maxlen=max(self.most or 0, MOST))).append(now)
+            self._recent[register.name] = [*self._lately(register, now), now]
+
+    def _lately(self, register: Register[Any], now: float) -> list[float]:
+        return [moment for moment in self._recent.get(register.name, ()) if now - moment < WINDOW]
 
     def set(self, values: Mapping[Register[Any], int]) -> None:
         """Note values that the servo has in RAM now."""
