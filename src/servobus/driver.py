@@ -248,7 +248,7 @@ class Driver(ABC, Generic[S]):
             return
         for servo in self._servos:
             if servo.id == packet.id and servo.family.framing is exchange.framing:
-                servo.alarms = exchange.alarms(packet)
+                servo.note_alarms(exchange.alarms(packet))
 
 
 _FAMILY_OF = {family.framing: family for family in models.FAMILIES.values()}

@@ -3,7 +3,8 @@
     ServobusError
     ├── UsageError (ValueError)       what was asked makes no sense; nothing was sent
     │   ├── UnknownName (KeyError)    no such register, model, family or servo
-    │   └── BadValue                  a value that the register or the move cannot take
+    │   ├── BadValue                  a value that the register or the move cannot take
+    │   └── EepromWear                a register in EEPROM was written too often lately
     ├── PortError (OSError)           the port cannot be opened, is in use, or is closed
     │   └── PortLost                  the port was open and went away: unplugged, hung up, or stuck
     └── BusError                      an exchange failed
@@ -17,6 +18,7 @@
         ├── LineBusy                  bytes keep coming although nobody was asked
         ├── Refused                   the servo understood and said no
         ├── TorqueOff                 a move was asked of a servo without torque
+        ├── Restarted                 the servo lost what was set in its RAM
         └── MoveTimeout               the servo did not arrive in time
 
 An alarm (overheating, low voltage ...) is not in this tree: it is data, and stands beside the values.
@@ -41,6 +43,10 @@ class UnknownName(UsageError, KeyError):
 
 class BadValue(UsageError):
     """A value that a register or a move cannot take."""
+
+
+class EepromWear(UsageError):
+    """A register in EEPROM was written too often lately. It was read, and not written."""
 
 
 class PortError(ServobusError, OSError):
@@ -101,6 +107,10 @@ class Refused(BusError):
 
 class TorqueOff(BusError):
     """A move was asked of a servo whose torque is off."""
+
+
+class Restarted(BusError):
+    """The servo lost what was set in its RAM: its supply broke down, or somebody restarted it."""
 
 
 class MoveTimeout(BusError, TimeoutError):

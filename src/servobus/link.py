@@ -82,6 +82,8 @@ class Latency:
     FLOOR = 0.010
     """s; assumption: a computer that does other things as well may look that late."""
     ENOUGH = 50
+    LONGEST = 0.15
+    """s; what is later than that is a fault and no habit."""
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
@@ -444,7 +446,8 @@ class Link:
         """Ask something else, whose answer ends all doubts about what comes late."""
         id = exchange.id
         patience = self.latency.patience
-        for marker in self._markers(exchange.framing, id) if id != BROADCAST else ():
+        markers = self._markers(exchange.framing, id) if id != BROADCAST else ()
+        for marker in markers:
             shape = marker.reply
             every = (*suspects, *self._lost.get(id, ()), *self._lost.get(None, ()))
             if shape is None or any(shape.mistakes(old.reply) for old in every):
@@ -452,11 +455,13 @@ class Link:
             try:
                 yield from self._attempt(marker)
             except NoReply as error:
-                if self.latency.patience <= patience:
-                    raise NoReply(f"{exchange.what}: no reply", error.heard) from None
-                patience = self.latency.patience  # what came late has taught us to wait longer
-            else:
-                return
+                if self.latency.patience > patience:
+                    patience = self.latency.patience  # what came late has taught us to wait longer
+                    continue
+                if exchange.request == markers[0].request:
+                    return  # a servo that answers nothing else may still answer this
+                raise NoReply(f"{exchange.what}: no reply", error.heard) from None
+            return
         # Nothing is left to ask that could not be mistaken: nobody has answered for long. Begin anew.
         for key in (id, None):
             self._lost.pop(key, None)

@@ -1,13 +1,15 @@
-"""Jobs of several steps, written once for both drivers: look, move, scan, change id and baud, reset."""
+"""Jobs of several steps, written once for both drivers: look, move, scan, verify."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 from servobus import models
-from servobus.errors import BadValue, BusError, MoveTimeout, NoReply, TorqueOff, UsageError
+from servobus.errors import BadValue, BusError, MoveTimeout, NoReply, Restarted, TorqueOff, UsageError
 from servobus.exchange import Pause, Procedure, SetBaud, Volley, ask
 from servobus.families.base import Answers, Family, Identity, Leg, Model, Target
 from servobus.protocols.ids import LAST_ID, check_id
+from servobus.registers import Register
 from servobus.units import deg, show
 from servobus.values import frozen
 
@@ -44,7 +46,7 @@ def look(target: Target) -> Procedure[State]:
     """Read position, voltage, temperature and torque."""
     names = ("present_position", "present_voltage", "present_temperature", "torque_enable")
     rows = [target.model.register(name) for name in names]
-    raw = yield from target.model.family.read(target, rows)
+    raw = yield from ask(target.model.family.read(target, rows))
     position, voltage, temperature, _ = (row.decode(value) for row, value in zip(rows, raw, strict=True))
     return State(position, voltage, temperature, target.model.family.torque_on(raw[3]))
 
@@ -73,7 +75,8 @@ def plan(goals: Mapping[Target, float], *, time: float | None = None, speed: flo
     time    seconds the move takes, or
     speed   rad/s of the servo that has the longest way; DEFAULT_SPEED if neither is given
 
-    Raises BadValue for an angle, time or speed that cannot be, UsageError for a servo in endless turn.
+    Raises BadValue for an angle, time or speed that cannot be, or for a step beyond `max_step`; UsageError for a servo
+    in endless turn.
     """
     if time is not None and speed is not None:
         raise BadValue("a move takes either a time or a speed, not both")
@@ -98,9 +101,12 @@ def plan(goals: Mapping[Target, float], *, time: float | None = None, speed: flo
         if not stance.low <= goal <= stance.high:
             low, high = row.show(row.decode(stance.low)), row.show(row.decode(stance.high))
             raise BadValue(f"{target}: {row.show(row.decode(goal))} is outside the limits set in it, {low} .. {high}")
-        if not stance.torque:
+        notes = target.notes
+        if not stance.torque or (notes is not None and notes.restarted):
             loose.append(target)
         distances[target] = abs(row.decode(goal) - stance.position)
+        if notes is not None:
+            notes.check_step(str(target), distances[target])
     if time is None:
         time = max(max(distances.values()) / (speed or DEFAULT_SPEED), SHORTEST)
     if family.max_move_time is not None and time > family.max_move_time:
@@ -140,6 +146,8 @@ def arrive(course: Course, *, timeout: float | None = None, tolerance: float = 3
 
     `timeout` is in seconds from now; the move's own duration and 2 s by default. Raises MoveTimeout.
     """
+    if timeout is not None and not timeout >= 0:
+        raise BadValue(f"timeout {timeout} is not a number of seconds")
     pace = 0.02
     left = course.duration + 2.0 if timeout is None else timeout
     head_start = min(course.duration, left)
@@ -149,7 +157,7 @@ def arrive(course: Course, *, timeout: float | None = None, tolerance: float = 3
         row = leg.target.model.register("present_position")
         while True:
             moving = yield from leg.target.model.family.moving(leg.target)
-            (raw,) = yield from leg.target.model.family.read(leg.target, [row])
+            (raw,) = yield from ask(leg.target.model.family.read(leg.target, [row]))
             if not moving and abs(row.decode(raw) - row.decode(leg.goal)) <= tolerance:
                 break
             if left <= 0:
@@ -294,66 +302,41 @@ def identify_at(family: Family, id: int, baud: int) -> Procedure[Identity]:
     return (yield from family.identify(id))
 
 
-# Changing who is who
+# What the servo may have lost
 
 
-def change_id(target: Target, id: int) -> Procedure[None]:
-    """Give a servo another id, after making sure that nobody has it. Raises UsageError."""
-    check_id(id)
-    family = target.model.family
-    if id == target.id:
+def verify(target: Target) -> Procedure[None]:
+    """Compare what was set in the servo's RAM, torque included, with what it holds. Raises Restarted.
+
+    Without anything set so far nothing can be told. A servo whose torque is off because of an alarm has not
+    restarted.
+    """
+    notes, family = target.notes, target.model.family
+    if notes is None or not notes.ram:
         return
-    if (yield from _answers(family, id)):
-        raise UsageError(f"id {id} is not free: a servo answers to it")
-    yield from family.set_id(target, id)
-    yield from ask(family.ping(id))
+    rows = list(notes.ram)
+    raws = yield from ask(family.read(target, rows))
+    lost = {row: raw for row, raw in zip(rows, raws, strict=True) if raw != notes.ram[row]}
+    torque = target.model.register("torque_enable")
+    if torque in lost and family.torque_on(notes.ram[torque]) and not family.torque_on(lost[torque]):
+        alone = len(lost) == 1
+        if alone and (yield from family.read_alarms(target)):
+            return
+    if not lost:
+        return
+    said = ", ".join(
+        f"{row.name} is {_said(row, raw)}, was set to {_said(row, notes.ram[row])}" for row, raw in lost.items()
+    )
+    notes.forget()
+    notes.restarted = True
+    raise Restarted(
+        f"{target} has lost what was set in it: it restarted, a write was lost, or another program changed it "
+        f"({said}). Set it up again; it moves after torque_on() or rearm()"
+    )
 
 
-def reset(target: Target, baud: int, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
-    """Restore factory settings; gives the id and speed the servo has then.
-
-    Raises UsageError if another servo has the factory id: nothing but unplugging one would tell the two apart.
-    """
-    family = target.model.family
-    factory = target.model.register("id").default
-    id = target.id if "id" in keep or factory is None else factory
-    speed = baud if "baud" in keep else family.default_baud
-    if (id, speed) != (target.id, baud) and (yield from _answers(family, id, speed, baud)):
-        raise UsageError(
-            f"{target} would get id {id} at {speed} baud, and another servo answers to that already: "
-            "give that one another id first, or connect this one alone"
-        )
-    return (yield from family.reset(target, keep))
-
-
-def _answers(family: Family, id: int, baud: int | None = None, back: int | None = None) -> Procedure[bool]:
-    """Tell whether anybody answers to an id, however badly; at another speed if need be, and then back."""
-    if baud is not None:
-        yield SetBaud(baud)
+def _said(row: Register[Any], raw: int) -> str:
     try:
-        yield from ask(family.ping(id))
-    except NoReply:
-        return False
-    except BusError:
-        return True
-    finally:
-        if back is not None:
-            yield SetBaud(back)
-    return True
-
-
-def change_baud(target: Target, old: int, new: int) -> Procedure[None]:
-    """Set a servo to another speed and check that it answers there; the bus follows it.
-
-    Raises UsageError if another servo with its id is there already: nobody could tell the two apart.
-    """
-    family = target.model.family
-    if new != old and (yield from _answers(family, target.id, new, old)):
-        raise UsageError(f"another servo answers to id {target.id} at {new} baud: give one of them another id first")
-    yield from family.set_baud(target, new)
-    yield SetBaud(new)
-    try:
-        yield from ask(family.ping(target.id))
-    except BusError as error:
-        yield SetBaud(old)
-        raise NoReply(f"{target} was told to use {new} baud and does not answer there ({error})") from error
+        return row.show(row.decode(raw))
+    except ValueError:
+        return f"raw {raw}"

@@ -4,19 +4,21 @@
 out and gives the result, or an awaitable of it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from enum import IntFlag
 from typing import Any, TypeVar
 
-from servobus import procedures
+from servobus import changes, procedures
 from servobus.backup import Backup, backup, restore
-from servobus.errors import UsageError
-from servobus.exchange import Exchange, Job, Procedure
+from servobus.errors import Restarted, UsageError
+from servobus.exchange import Exchange, Job, Procedure, ask
 from servobus.families.base import Answers, Family, Model, Target
+from servobus.families.notes import Notes, check_max_step
 from servobus.operation import Operation
 from servobus.procedures import Course, State
 from servobus.registers import Register
 from servobus.units import Flags
+from servobus.values import replace
 
 T = TypeVar("T")
 
@@ -25,15 +27,18 @@ class Servo:
     """One servo on a bus.
 
     `state` is what was last seen of it (None before the first look), `alarms` the alarm bits of its last
-    reply. Printing a servo shows both; it asks nothing.
+    reply, `latched` all that were seen since it was last rearmed. Printing a servo shows them; it asks nothing.
+    `notes` is what we wrote to it, and the limits of what may be written.
     """
 
     def __init__(self, target: Target, baud: int, firmware: str = "") -> None:
-        self.target = target
+        self.notes = target.notes or Notes()
+        self.target = replace(target, notes=self.notes)
         self.baud = baud
         self.firmware = firmware
         self.state: State | None = None
         self.alarms: int = 0
+        self.latched: int = 0
         self._asked: Target | None = None
         self._questions: dict[Register[Any], Exchange[Any]] = {}
         """Questions for single registers, made when first asked, for `_asked`."""
@@ -50,6 +55,28 @@ class Servo:
     def family(self) -> Family:
         return self.target.model.family
 
+    @property
+    def eeprom_writes(self) -> int:
+        """Values that were really written to the EEPROM; those it had already are not among them."""
+        return self.notes.eeprom_writes
+
+    @property
+    def restarted(self) -> bool:
+        """Whether `verify` found that it lost its RAM; until `torque_on` or `rearm` it is not moved."""
+        return self.notes.restarted
+
+    @property
+    def max_step(self) -> float | None:
+        """Farthest that one goal may lie from where the servo is, rad; None for no limit.
+
+        Goals beyond it are refused with BadValue, by moves and by writes of a goal position.
+        """
+        return self.notes.max_step
+
+    @max_step.setter
+    def max_step(self, step: float | None) -> None:
+        self.notes.max_step = check_max_step(step)
+
     # Who and what
 
     @Operation
@@ -62,6 +89,39 @@ class Servo:
         """Read position, voltage, temperature and torque; the result is kept in `state`."""
         self.state = yield from procedures.look(self.target)
         return self.state
+
+    @Operation
+    def read_alarms(self) -> Procedure[int]:
+        """Ask which alarms stand now; they are kept in `alarms` and `latched` too.
+
+        No packet of an LX-16A tells them: its temperature and supply are compared with its limits there.
+        """
+        alarms = yield from self.family.read_alarms(self.target)
+        self.note_alarms(alarms)
+        return alarms
+
+    def note_alarms(self, alarms: int) -> None:
+        """Take note of the alarm bits of a reply."""
+        self.alarms = alarms
+        self.latched |= alarms
+
+    def clear_latched(self) -> None:
+        """Forget the alarms that are over. Asks nothing, and clears nothing in the servo; `rearm` does."""
+        self.latched = self.alarms
+
+    @Operation
+    def verify(self) -> Procedure[None]:
+        """Make sure that the servo still has in RAM what was written there, the torque included.
+
+        Raises Restarted if not. Then it is not moved until `torque_on` or `rearm`. Only writes of this object are
+        known; without any there is nothing to tell a restart by.
+        """
+        try:
+            yield from procedures.verify(self.target)
+        except Restarted:
+            self.state = None
+            yield from self._meet_again(self.id)
+            raise
 
     # Registers
 
@@ -78,7 +138,7 @@ class Servo:
     @Operation
     def read_many(self, registers: Sequence[Register[Any]]) -> Procedure[dict[str, Any]]:
         """Read several registers in as few exchanges as possible; gives name -> value."""
-        values = yield from self.family.read(self.target, [self._own(register) for register in registers])
+        values = yield from ask(self.family.read(self.target, [self._own(register) for register in registers]))
         return {register.name: register.decode(raw) for register, raw in zip(registers, values, strict=True)}
 
     @Operation
@@ -88,7 +148,11 @@ class Servo:
 
     @Operation
     def write(self, register: Register[T], value: T) -> Procedure[None]:
-        """Write one register so that it acts at once. Raises BadValue before anything is sent."""
+        """Write one register so that it acts at once. Raises BadValue before anything is sent.
+
+        A register in EEPROM is read first, and written only if it differs; after ten writes within a minute
+        EepromWear is raised.
+        """
         return self._write({self._own(register): register.encode(value)})
 
     @Operation
@@ -126,6 +190,18 @@ class Servo:
     def torque_off(self) -> Procedure[None]:
         """Switch the torque off: the shaft turns freely."""
         return self.family.torque(self.target, on=False)
+
+    @Operation
+    def rearm(self) -> Procedure[None]:
+        """Switch the torque on again after the servo itself has switched it off, by the rule of its family.
+
+        Nothing jumps: the goal becomes the present position first. Raises Refused, with the alarms as `flags`, if the
+        cause is still there; then the torque stays off.
+        """
+        yield from self.family.rearm(self.target)
+        self.note_alarms((yield from self.family.read_alarms(self.target)))
+        self.latched = self.alarms
+        self.notes.restarted = False
 
     @Operation
     def stop(self) -> Procedure[None]:
@@ -169,20 +245,26 @@ class Servo:
 
         Raises UsageError if another servo has the factory id that this one would get.
         """
-        id, self.baud = yield from procedures.reset(self.target, self.baud, keep)
-        yield from self._meet_again(id)
+        end = yield from changes.reset(self.target, self.baud, keep)
+        self._follow(end.id, end.baud)
+        self.notes.forget()
+        yield from self._meet_again(self.id)
 
     @Operation
     def change_id(self, id: int) -> Procedure[None]:
-        """Give the servo another id. Raises UsageError if some servo answers to it already."""
-        yield from procedures.change_id(self.target, id)
-        self.target = Target(id, self.model, self.target.answers)
+        """Give the servo another id. Raises UsageError if some servo answers to it already.
+
+        If the line fails on the way the servo is looked for under both ids: BusError says that it has the old one,
+        NoReply that it has neither. The id here is the one under which it was found.
+        """
+        yield from changes.change_id(self.target, self.baud, id)
+        self._follow(id, self.baud)
 
     @Operation
     def change_baud(self, baud: int) -> Procedure[None]:
-        """Set the servo to another speed and check that it answers there."""
-        yield from procedures.change_baud(self.target, self.baud, baud)
-        self.baud = baud
+        """Set the servo to another speed and check that it answers there; see `change_id` for a line that fails."""
+        yield from changes.change_baud(self.target, self.baud, baud)
+        self._follow(self.id, baud)
         yield from self._meet_again(self.id)
 
     @Operation
@@ -202,9 +284,7 @@ class Servo:
 
     def alarm_text(self) -> str:
         """Say the alarms of the last reply: "overheating+overload", or "" if there are none."""
-        if not self.alarms:
-            return ""
-        return Flags(type(self.alarms)).show(self.alarms) if isinstance(self.alarms, IntFlag) else hex(self.alarms)
+        return self._flags_text(self.alarms)
 
     def __str__(self) -> str:
         text = f"{self.model.title} id {self.id} at {self.baud}"
@@ -212,6 +292,10 @@ class Servo:
             text += f": {self.state}"
         if self.alarms:
             text += f", ALARM {self.alarm_text()}"
+        if over := self.latched & ~self.alarms:
+            text += f", had ALARM {self._flags_text(over)}"
+        if self.restarted:
+            text += ", RESTARTED"
         return text
 
     def __repr__(self) -> str:
@@ -220,7 +304,18 @@ class Servo:
     def _meet_again(self, id: int) -> Procedure[None]:
         """Learn by what policy the servo answers now that it may have restarted."""
         identity = yield from procedures.identify_at(self.family, id, self.baud)
-        self.target = Target(id, self.model, identity.answers)
+        self.target = replace(self.target, id=id, answers=identity.answers)
+
+    def _follow(self, id: int, baud: int) -> None:
+        """Take note of where the servo is now."""
+        self.target = replace(self.target, id=id)
+        self.baud = baud
+
+    @staticmethod
+    def _flags_text(flags: int) -> str:
+        if not flags:
+            return ""
+        return Flags(type(flags)).show(flags) if isinstance(flags, IntFlag) else hex(flags)
 
     def _question(self, register: Register[T]) -> Exchange[T]:
         """Make the one exchange that reads one register."""
@@ -237,10 +332,21 @@ class Servo:
             raise UsageError(f"{register.model} {register.name} is not a register of {self.model.title}")
         return register
 
+    def _no_identity(self, registers: Iterable[Register[Any]]) -> None:
+        """Refuse what would lose the servo. Raises UsageError."""
+        verbs = {"id": "change_id", self.model.aliases.get("baud", "baud"): "change_baud"}
+        for register in registers:
+            if verb := verbs.get(register.name):
+                raise UsageError(
+                    f"{self.target}: a write of {register.name} would lose the servo; use {verb}(), "
+                    "which makes sure that it is found again"
+                )
+
     def _write(self, raw: Mapping[Register[Any], int], *, keep: bool = False) -> Procedure[None]:
+        self._no_identity(raw)
         yield from (self.family.store if keep else self.family.write)(self.target, raw)
         # From now on the servo answers by the new policy.
         level = self.model.aliases.get("answer_level", "answer_level")
         for register, value in raw.items():
             if register.name == level:
-                self.target = Target(self.id, self.model, Answers(value))
+                self.target = replace(self.target, answers=Answers(value))

@@ -49,7 +49,7 @@ class Bench:
         self.virtual = self.port.servos[0]
 
     def write(self, values: Mapping[Register[Any], int]) -> None:
-        self.servo.write_raw(values)
+        self.bus.do(self.servo.family.put(self.servo.target, values, keep=False))
 
     def read(self, *rows: Register[Any]) -> tuple[int, ...]:
         return tuple(self.servo.read_raw(rows))
@@ -157,15 +157,15 @@ def test_every_speed_of_the_bus_comes_back_at_that_speed() -> None:
 def test_every_return_level_comes_back_where_reads_are_answered() -> None:
     bench = Bench()
     for raw in (2, 1, 2):
-        bench.write({RX28.status_return_level: raw})
+        bench.servo.write_raw({RX28.status_return_level: raw})
         bench.port.sleep(0.002)
         assert bench.read(RX28.status_return_level) == (raw,)
-    bench.write({RX28.status_return_level: 0})
+    bench.servo.write_raw({RX28.status_return_level: 0})
     with pytest.raises(UsageError):
         bench.read(RX28.status_return_level)
     assert bench.virtual.memory[RX28.status_return_level] == 0
     bench.servo.ping()
-    bench.write({RX28.status_return_level: 1})  # the servo is silent about it
+    bench.servo.write_raw({RX28.status_return_level: 1})  # the servo is silent about it
     bench.port.sleep(0.002)
     assert bench.read(RX28.status_return_level) == (1,)
 

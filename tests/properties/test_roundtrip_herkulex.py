@@ -44,7 +44,7 @@ class Bench:
         self.virtual = self.port.servos[0]
 
     def write(self, row: Register[Any], raw: int) -> None:
-        self.servo.write_raw({row: raw})
+        self.bus.do(self.servo.family.put(self.servo.target, {row: raw}, keep=False))
 
     def read(self, row: Register[Any]) -> int:
         (raw,) = self.servo.read_raw([row])
@@ -54,7 +54,7 @@ class Bench:
         return self.bus.do(self.servo.family.read_stored(self.servo.target, rows))
 
     def store(self, values: Mapping[Register[Any], int]) -> None:
-        self.bus.do(self.servo.family.store(self.servo.target, values))
+        self.bus.do(self.servo.family.put(self.servo.target, values, keep=True))
 
     def round_trip(self, values: Mapping[Register[Any], int]) -> None:
         """Write registers that are in both maps: for now, then for good."""

@@ -48,7 +48,7 @@ class Bench:
 
     def write(self, values: Mapping[Register[Any], int]) -> None:
         """Write as a host does; the write is not answered and takes its time."""
-        self.servo.write_raw(values)
+        self.bus.do(self.servo.family.put(self.servo.target, values, keep=False))
         self.port.sleep(0.002)
 
     def read(self, *rows: Register[Any]) -> tuple[int, ...]:

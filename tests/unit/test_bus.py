@@ -28,6 +28,7 @@ ANSWER = "FF FF 01 03 00 20 DB"
 OK = "FF FF 01 02 00 FC"  # manual 3-5-5
 PING = "FF FF 01 02 01 FB"  # manual 3-5-5
 MODEL_BYTE = "FF FF 01 03 00 1C DF"  # 28, the low byte of the model number; ~(01+03+00+1C) = DF
+UNLOCKED = "FF FF 01 03 00 00 FB"  # Lock is 0; it is asked before a write to the EEPROM
 
 
 def bus_with(*script: str | None) -> tuple[Bus, Scripted]:
@@ -64,6 +65,8 @@ def test_alarms_end_with_the_next_good_reply() -> None:
     servo.read(RX28.present_temperature)
     servo.read(RX28.present_temperature)
     assert servo.alarms == 0
+    assert servo.latched == dynamixel1.Error.OVERLOAD | dynamixel1.Error.OVERHEATING
+    assert str(servo) == "RX-28 id 1 at 57600, had ALARM overheating+overload"
 
 
 def test_refusal_is_an_exception() -> None:
@@ -207,11 +210,11 @@ def test_torque_sets_the_goal_first_and_goes_off_even_after_an_error() -> None:
 
 def test_writing_return_level_0_is_answered_and_then_nothing_is_awaited() -> None:
     # manual Example 14 (checksum corrected, ED-01); from then on only PING is answered
-    bus, port = bus_with(OK)
+    bus, port = bus_with("FF FF 01 03 00 02 F9", UNLOCKED, OK)
     servo = bus.attach(RX28, 1)
     servo.write(RX28.status_return_level, 0)
     servo.write(RX28.led, True)
-    assert port.requests == ["FF FF 01 04 03 10 00 E7", "FF FF 01 04 03 19 01 DD"]
+    assert port.requests[2:] == ["FF FF 01 04 03 10 00 E7", "FF FF 01 04 03 19 01 DD"]
     with pytest.raises(UsageError, match="Status Return Level"):
         servo.read(RX28.led)
 
@@ -290,10 +293,10 @@ class TestSecondTry:
         assert port.requests == ["FF FF 01 02 05 F7"]
 
     def test_nor_is_a_write_to_the_eeprom(self) -> None:
-        bus, port = bus_with(None, OK)
+        bus, port = bus_with("FF FF 01 03 00 24 D7", UNLOCKED, None, OK)
         with pytest.raises(NoReply):
             bus.attach(RX28, 1).write(RX28.alarm_led, dynamixel1.Error.OVERLOAD)
-        assert len(port.requests) == 1
+        assert port.requests[2:] == ["FF FF 01 04 03 11 20 C6"]
 
     def test_a_write_to_the_ram_is(self) -> None:
         bus, port = bus_with(None, MODEL_BYTE, OK)

@@ -573,15 +573,18 @@ def test_reset_keeps_nothing_else() -> None:
 
 
 def test_set_id_ends_with_the_write_that_acts() -> None:
-    _, steps = play(FAMILY.set_id(TALKER, 4), OK, OK)
-    assert steps == [EepWrite(219, 6, b"\x04"), RamWrite(219, 0, b"\x04")]
+    before, after = b"\x06\x01\xdb" + OK, b"\x06\x01\x04" + OK
+    _, steps = play(FAMILY.set_id(TALKER, 4), before, OK, after, OK)
+    look = EepRead(219, 6, 1)
+    assert steps == [look, EepWrite(219, 6, b"\x04"), look, RamWrite(219, 0, b"\x04")]
     with pytest.raises(BadValue, match="broadcast"):
         play(FAMILY.set_id(SERVO, 254))
 
 
 def test_set_baud_restarts() -> None:
-    _, steps = play(FAMILY.set_baud(SERVO, 1_000_000))
-    assert steps == [EepWrite(219, 4, b"\x01"), Pause(EEP_TIME), Reboot(219), Pause(BOOT_TIME)]
+    _, steps = play(FAMILY.set_baud(SERVO, 1_000_000), b"\x04\x01\x10" + OK, b"\x04\x01\x01" + OK)
+    look = EepRead(219, 4, 1)
+    assert steps == [look, EepWrite(219, 4, b"\x01"), look, Pause(EEP_TIME), Reboot(219), Pause(BOOT_TIME)]
     with pytest.raises(BadValue, match="9600"):
         play(FAMILY.set_baud(SERVO, 9600))
 

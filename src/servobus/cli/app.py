@@ -28,6 +28,7 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
         "turn": ("turn:turn", "Turn without end, and back to angles."),
         "stop": ("stop:stop", "Stop servos where they are."),
         "torque": ("stop:torque", "Switch torque on or off."),
+        "rearm": ("rearm:rearm", "Torque again, after an alarm took it."),
         "led": ("light:led", "Switch a servo's light."),
     },
     "Change": {

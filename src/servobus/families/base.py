@@ -5,14 +5,15 @@ here. What only one family can do is a function in its own module, under its man
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import IntEnum
 from typing import Any, ClassVar, TypeVar
 
-from servobus.errors import BadValue, UsageError
+from servobus.errors import BadValue, BusError, UsageError
 from servobus.exchange import Exchange, Procedure, Reply, ask
+from servobus.families.notes import Notes
 from servobus.framing import Framing, Packet
-from servobus.registers import Int, Register, RegisterMap
+from servobus.registers import Area, EepRam, Int, Register, RegisterMap
 from servobus.values import frozen
 
 T = TypeVar("T")
@@ -83,11 +84,21 @@ class Model(RegisterMap):
 
 @frozen
 class Target:
-    """The servo that an exchange is for."""
+    """The servo that an exchange is for; `notes` are what was noted of it, if anybody does."""
 
     id: int
     model: type[Model]
     answers: Answers
+    notes: Notes | None = None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Target) and self._who() == other._who()
+
+    def __hash__(self) -> int:
+        return hash(self._who())
+
+    def _who(self) -> tuple[object, ...]:
+        return self.id, self.model, self.answers
 
     def __str__(self) -> str:
         return f"{self.model.title} id {self.id}"
@@ -166,6 +177,8 @@ class Family(ABC):
     full_duplex: ClassVar[bool] = False
     max_move_time: ClassVar[float | None] = None
     """Longest time in seconds that one timed move can take; None if moves are given by speed."""
+    fickle: ClassVar[frozenset[str]] = frozenset()
+    """Registers in RAM that the servo changes by itself: they do not tell that it restarted."""
 
     # Who is there
 
@@ -179,7 +192,10 @@ class Family(ABC):
 
     @abstractmethod
     def markers(self, id: int) -> Sequence[Exchange[Any]]:
-        """Give harmless questions, at least three, none of whose answers can be mistaken for another's."""
+        """Give harmless questions, at least three, none of whose answers can be mistaken for another's.
+
+        The first is one that every servo answers, whatever it is set to.
+        """
 
     # Registers, raw
 
@@ -191,13 +207,90 @@ class Family(ABC):
         """Read raw values."""
         return fetch(self.reading(target, registers))
 
-    @abstractmethod
     def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Write raw values where they act at once, in as few exchanges as the family allows."""
+        """Write raw values where they act at once, in as few exchanges as the family allows.
+
+        What lives in EEPROM is read first, and written only if it differs. Raises EepromWear if that was done too
+        often lately, UsageError if the servo has locked it, BadValue for a goal beyond `max_step`.
+        """
+        yield from self._set(target, values, keep=False)
+
+    def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
+        """Write raw values where they survive power-off, if they differ from what is there; see `write`."""
+        for register in values:
+            if not self.wears(register, keep=True):
+                raise UsageError(
+                    f"{register.model} {register.name} lives in RAM and is not saved: it is lost at power-off"
+                )
+        yield from self._set(target, values, keep=True)
 
     @abstractmethod
-    def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Write raw values where they survive power-off."""
+    def put(
+        self, target: Target, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
+    ) -> Procedure[None]:
+        """Write raw values as they are: with `keep` for good, else for now.
+
+        `same` are registers whose EEPROM has the value already: it is not written there again.
+        """
+
+    def wears(self, register: Register[Any], *, keep: bool) -> bool:  # noqa: ARG002 - HerkuleX keeps some twice
+        """Tell whether writing this register, for good or for now, goes to the EEPROM."""
+        return register.area is Area.EEPROM
+
+    def stored_is_told(self, register: Register[Any]) -> bool:  # noqa: ARG002 - one register cannot
+        """Tell whether what `read_stored` gives for this register is what survives power-off."""
+        return True
+
+    def _set(self, target: Target, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
+        """Write with care: every write of registers comes through here."""
+        notes = target.notes
+        if notes is None:
+            yield from self.put(target, values, keep=keep)
+            return
+        yield from self._check_step(target, values, notes)
+        worn = [register for register in values if self.wears(register, keep=keep)]
+        same: frozenset[Register[Any]] = frozenset()
+        if worn and target.answers is not Answers.NOTHING:  # what cannot be read cannot be compared
+            present = yield from ask(self.read_stored(target, worn))
+            same = frozenset(
+                register
+                for register, raw in zip(worn, present, strict=True)
+                if raw == values[register] and self.stored_is_told(register)
+            )
+        fresh = [register for register in worn if register not in same]
+        if fresh:
+            notes.check_wear(str(target), fresh)
+            yield from self._check_unlocked(target, fresh)
+        in_ram = {
+            register: raw
+            for register, raw in values.items()
+            if register.name not in self.fickle and (register.area is Area.RAM or isinstance(register.place, EepRam))
+        }
+        notes.forget(in_ram)  # until it is known that they arrived
+        try:
+            yield from self.put(target, values, keep=keep, same=same)
+        except BusError:
+            notes.wrote(fresh)  # they may have arrived
+            raise
+        notes.wrote(fresh)
+        notes.set(in_ram)
+        torque = target.model.register("torque_enable")
+        if torque in values and self.torque_on(values[torque]):
+            notes.restarted = False
+
+    def _check_step(self, target: Target, values: Mapping[Register[Any], int], notes: Notes) -> Procedure[None]:
+        """Refuse goals that lie too far from where the servo is. Raises BadValue."""
+        goals = [register for register in values if register.name.endswith("goal_position")]
+        if not goals or notes.max_step is None:
+            return
+        row = target.model.register("present_position")
+        (here,) = yield from ask(self.read(target, [row]))
+        for goal in goals:
+            notes.check_step(str(target), abs(goal.decode(values[goal]) - row.decode(here)))
+
+    def _check_unlocked(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[None]:  # noqa: ARG002
+        """Raise UsageError if the servo has locked its EEPROM. Most families have no lock."""
+        yield from ()
 
     def read_stored(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
         """Read the values that survive power-off, where they can differ from those that act now."""
@@ -227,6 +320,18 @@ class Family(ABC):
     @abstractmethod
     def torque(self, target: Target, on: bool) -> Procedure[None]:
         """Switch torque. On sets goal := present position first, so that nothing jumps."""
+
+    @abstractmethod
+    def read_alarms(self, target: Target) -> Procedure[int]:
+        """Ask which alarms stand now, as the family's own flags."""
+
+    @abstractmethod
+    def rearm(self, target: Target) -> Procedure[None]:
+        """Bring a servo back that switched its torque off, by the family's own rule.
+
+        Goal := present position before the torque comes on; one whose torque is on is left as it is. Raises
+        Refused, with the alarms as flags, if what switched it off is still there; then the torque stays off.
+        """
 
     def torque_on(self, raw: int) -> bool:
         """Tell from the raw value of torque_enable whether the servo is driven."""

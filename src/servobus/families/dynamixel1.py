@@ -1,9 +1,9 @@
 """The verbs of Dynamixel protocol 1.0. Packets and their sources: servobus.protocols.dynamixel1."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from servobus.errors import BadValue, NoReply, UsageError
+from servobus.errors import BadValue, BusError, NoReply, Refused, UsageError
 from servobus.exchange import Exchange, Procedure, Reply, ask
 from servobus.families.base import (
     Answers,
@@ -58,6 +58,7 @@ class Dynamixel1(Family):
     title = "Dynamixel protocol 1.0"
     framing = FRAMING
     default_baud = 57_600
+    fickle = frozenset({"goal_position", "moving_speed", "torque_limit", "registered_instruction"})
     # Table in manual 3-4-1, plus the codes in use elsewhere in the field; most likely first.
     bauds = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
 
@@ -90,23 +91,37 @@ class Dynamixel1(Family):
             places.append((n, slice(at, at + register.layout.size), register.layout))
         return Reading(tuple(read_data(target.id, *span) for span in spans), tuple(places))
 
-    def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        parts = {_address(register): register.layout.pack(raw) for register, raw in values.items()}
+    def put(
+        self,
+        target: Target,
+        values: Mapping[Register[Any], int],
+        *,
+        keep: bool,  # noqa: ARG002 - a register is in EEPROM or in RAM, never in both
+        same: Collection[Register[Any]] = (),
+    ) -> Procedure[None]:
+        fresh = {register: raw for register, raw in values.items() if register not in same}
+        parts = {_address(register): register.layout.pack(raw) for register, raw in fresh.items()}
         # The EEPROM wears, and a second write of id or speed would go to nobody: only RAM may be written twice.
-        in_ram = all(register.area is Area.RAM for register in values)
+        in_ram = all(register.area is Area.RAM for register in fresh)
         for address, data in adjacent(parts):
             yield _write(target, address, data, repeatable=in_ram)
 
-    def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        for register in values:
-            if register.area is not Area.EEPROM:
-                raise UsageError(f"{register.model} {register.name} lives in RAM and is lost at power-off")
-        yield from self.write(target, values)
+    def _check_unlocked(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[None]:
+        """Ask for Lock: once it is on, only addresses 24 to 35 can be written until power-off (3-4-2 Lock)."""
+        if target.answers is Answers.NOTHING:
+            return
+        (locked,) = yield from ask(self.read(target, [target.model.register("lock")]))
+        if locked:
+            names = ", ".join(register.name for register in registers)
+            raise UsageError(
+                f"{target} is locked, so {names} cannot be written: until its power goes off only addresses 24 to 35 "
+                "(torque_enable to torque_limit) can; switch it off and on first"
+            )
 
     def stance(self, target: Target) -> Procedure[Stance]:
         names = ("present_position", "torque_enable", "cw_angle_limit", "ccw_angle_limit")
         rows = [target.model.register(name) for name in names]
-        position, torque, low, high = yield from self.read(target, rows)
+        position, torque, low, high = yield from ask(self.read(target, rows))
         return Stance(rows[0].decode(position), bool(torque), low, high, turning=low == high == 0)
 
     def check_leg(self, leg: Leg) -> None:
@@ -128,7 +143,7 @@ class Dynamixel1(Family):
             yield from ask(sync_write(goal, {id: data[id] for id in ids[start : start + most]}))
 
     def moving(self, target: Target) -> Procedure[bool]:
-        (moving,) = yield from self.read(target, [target.model.register("moving")])
+        (moving,) = yield from ask(self.read(target, [target.model.register("moving")]))
         return bool(moving)
 
     def stop(self, target: Target) -> Procedure[None]:
@@ -137,7 +152,7 @@ class Dynamixel1(Family):
         if stance.turning:
             yield from self.write(target, {model.register("moving_speed"): 0})
             return
-        (position,) = yield from self.read(target, [model.register("present_position")])
+        (position,) = yield from ask(self.read(target, [model.register("present_position")]))
         yield from self.write(target, {model.register("goal_position"): position})
 
     def torque(self, target: Target, on: bool) -> Procedure[None]:
@@ -149,6 +164,37 @@ class Dynamixel1(Family):
                 here = min(max(goal.scale.encode(stance.position), stance.low), stance.high)
                 yield from self.write(target, {goal: here})
         yield from self.write(target, {model.register("torque_enable"): int(on)})
+
+    def read_alarms(self, target: Target) -> Procedure[int]:
+        """PING: the alarms stand in the error byte of its answer."""
+        asking: Exchange[Any] = self.ping(target.id)
+        alarms: Error = yield asking.giving(lambda packet: Error(packet.code) & ALARMS)
+        return alarms
+
+    def rearm(self, target: Target) -> Procedure[None]:
+        """End a shutdown: it has set Torque Limit to 0 and left Torque Enable on (3-4-1 Alarm Shutdown).
+
+        So Torque Enable goes off first. Else the servo would run to its old goal as soon as it has its limit back.
+        """
+        model = target.model
+        enable, limit = model.register("torque_enable"), model.register("torque_limit")
+        rows = [enable, limit, model.register("max_torque"), model.register("alarm_shutdown")]
+        on, limited, most, mask = yield from ask(self.read(target, rows))
+        if on and limited:
+            return
+        yield from self.write(target, {enable: 0})
+        yield from self.write(target, {limit: most})
+        standing = (yield from self.read_alarms(target)) & mask
+        if standing:
+            said = Flags(Error).show(Error(standing))
+            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
+        stance = yield from self.stance(target)
+        if stance.turning:
+            yield from self._write_raw_speed(target, 0)  # what it turned with before would set it going again
+        yield from self.torque(target, on=True)
+        on, limited = yield from ask(self.read(target, rows[:2]))
+        if not (on and limited):
+            raise BusError(f"{target}: the torque did not come on")
 
     def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""

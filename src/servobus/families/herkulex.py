@@ -4,10 +4,10 @@ A JOG, the command that moves, sets the lights as well: without colours in it th
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from servobus.errors import BadValue, NoReply, Refused, UsageError
+from servobus.errors import BadValue, BusError, NoReply, Refused
 from servobus.exchange import Exchange, Pause, Procedure, Reply, ask, sent
 from servobus.families.base import (
     Answers,
@@ -25,7 +25,8 @@ from servobus.families.base import (
     fetch,
     within,
 )
-from servobus.families.words import addressed, servo, show_bytes, show_span, show_values
+from servobus.families.herkulex_words import say_ack, say_request
+from servobus.families.words import addressed
 from servobus.framing import Packet
 from servobus.protocols.herkulex import (
     ACK,
@@ -42,22 +43,16 @@ from servobus.protocols.herkulex import (
     SPEED_LAYOUT,
     TICK,
     TURNAROUND,
-    Ack,
     Code,
     ControlMode,
     EepRead,
-    EepWrite,
-    IJog,
     Jog,
     Keep,
     Led,
     RamRead,
-    RamWrite,
-    Request,
-    Rollback,
-    SJog,
     Stat,
     StatusDetail,
+    StatusError,
     TorqueControl,
     eep_read,
     eep_write,
@@ -95,6 +90,8 @@ class Herkulex(Family):
     bauds = tuple(BAUD.codes.values())
     full_duplex = True
     max_move_time = LONGEST_PLAYTIME * TICK
+    # Torque Control is among what tells a restart; the light is not, for a JOG sets it. The id is no setting.
+    fickle = frozenset({"id", "status_error", "status_detail", "aux_1", "led_control"})
 
     def ping(self, id: int) -> Exchange[None]:
         """STAT: the one request that is always answered."""
@@ -123,27 +120,28 @@ class Herkulex(Family):
         """Read from EEP what EEP has, the rest from RAM."""
         return fetch(_reading(target, registers, [_kept(row) or _acting(row) for row in registers]))
 
-    def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Write to RAM what RAM has, the rest to EEP, where it acts after the next start."""
-        yield from _send(target, [(_acting(row), row.layout.pack(raw)) for row, raw in values.items()])
+    def put(
+        self, target: Target, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
+    ) -> Procedure[None]:
+        """For now: to RAM what RAM has, the rest to EEP, where it acts after the next start.
 
-    def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Write to EEP, and to RAM what RAM has too: it acts now and survives power-off.
-
-        What RAM does not have (Baud Rate) acts after the next start.
+        For good: to EEP, and to RAM what RAM has too, so that it acts now and survives power-off. What RAM does not
+        have (Baud Rate) acts after the next start.
         """
         parts = []
         for row, raw in values.items():
-            kept = _kept(row)
-            if kept is None:
-                raise UsageError(f"{row.model} {row.name} lives in RAM and is lost at power-off")
-            parts += [(spot, row.layout.pack(raw)) for spot in (kept, _acting(row))]
+            spots = {_acting(row), _kept(row) or _acting(row)} if keep else {_acting(row)}
+            parts += [(spot, row.layout.pack(raw)) for spot in spots if spot[0] is Area.RAM or row not in same]
         yield from _send(target, parts)
+
+    def wears(self, register: Register[Any], *, keep: bool) -> bool:
+        """EEP is written by `store`, and by `write` where RAM does not have the register."""
+        return isinstance(register.place, Eep | EepRam if keep else Eep)
 
     def stance(self, target: Target) -> Procedure[Stance]:
         names = ("calibrated_position", "torque_control", "min_position", "max_position", "current_control_mode")
         rows = [target.model.register(name) for name in names]
-        position, torque, low, high, mode = yield from self.read(target, rows)
+        position, torque, low, high, mode = yield from ask(self.read(target, rows))
         on = torque == TorqueControl.ON
         return Stance(rows[0].decode(position), on, low, high, turning=mode == ControlMode.INFINITE_TURN)
 
@@ -189,8 +187,53 @@ class Herkulex(Family):
         if on:
             ack = yield from ask(stat(target.id))
             if ack.status_error and StatusDetail.TORQUE_ON not in ack.status_detail:
-                why = f"because of {show_flags(ack.status_error)}; write 0 to status_error first"
+                why = f"because of {show_flags(ack.status_error)}; rearm() clears what is over"
                 raise Refused(f"{target}: torque stays off {why}", ack.status_error)
+
+    def read_alarms(self, target: Target) -> Procedure[int]:
+        """STAT: Status Error, in which every alarm stays until it is cleared (6-3 Example 2)."""
+        return (yield from ask(stat(target.id))).status_error
+
+    def rearm(self, target: Target) -> Procedure[None]:
+        """Clear Status Error and Status Detail, then switch the torque on: it takes the present position (H-51).
+
+        What is wrong shows in Status Error only after ADC Fault Check Period, so supply and temperature are compared
+        with their limits here.
+        """
+        model = target.model
+        if (yield from self.stance(target)).torque:
+            yield from self._clear(target)
+            return
+        names = ("torque_policy", "voltage", "min_voltage", "max_voltage", "temperature", "max_temperature")
+        policy, volts, low, high, celsius, hottest = yield from ask(
+            self.read(target, [model.register(name) for name in names])
+        )
+        standing = StatusError(0)
+        if not low <= volts <= high:
+            standing |= StatusError.INPUT_VOLTAGE
+        if celsius > hottest:
+            standing |= StatusError.TEMPERATURE
+        if not standing & policy:
+            standing = yield from self._clear(target)
+        if standing & policy:
+            said = show_flags(standing & policy)
+            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
+        if (yield from self.stance(target)).turning:
+            # The mode is kept without torque, the speed perhaps too: it shall not go on turning.
+            yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
+        yield from self.torque(target, on=True)
+        if not (yield from self.stance(target)).torque:
+            raise BusError(f"{target}: the torque did not come on")
+
+    def _clear(self, target: Target) -> Procedure[StatusError]:
+        """Write 0 to Status Error and Status Detail; give what stands there afterwards."""
+        clear = {target.model.register(name): 0 for name in ("status_error", "status_detail")}
+        yield from self.write(target, clear)
+        ack = yield from ask(stat(target.id))
+        if ack.status_error:  # by default a write is not answered: it may have been lost
+            yield from self.write(target, clear)
+            ack = yield from ask(stat(target.id))
+        return ack.status_error
 
     def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Infinite turn, with controlled speed. Asked for more than it reaches, it obeys late (6-5)."""
@@ -225,7 +268,13 @@ class Herkulex(Family):
         yield from self.write(target, {target.model.register("led_control"): _COLOURS[colour]})
 
     def reboot(self, target: Target) -> Procedure[None]:
-        yield from ask(reboot(target.id, answered=_answers(target)))
+        if target.notes is not None:
+            target.notes.forget()
+        try:
+            yield from ask(reboot(target.id, answered=_answers(target)))
+        except BusError:
+            yield Pause(BOOT_TIME)  # it may be on its way all the same
+            raise
         yield Pause(BOOT_TIME)
 
     def reset(self, target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
@@ -234,9 +283,9 @@ class Herkulex(Family):
         id, baud = (target.model.register(name) for name in ("id", "baud_rate"))
         new_id, code = id.default, baud.default
         if "id" in keep:
-            (new_id,) = yield from self.read_stored(target, [id])
+            (new_id,) = yield from ask(self.read_stored(target, [id]))
         if "baud" in keep:
-            (code,) = yield from self.read_stored(target, [baud])
+            (code,) = yield from ask(self.read_stored(target, [baud]))
         assert new_id is not None
         assert code is not None
         kept = Keep(sum(_KEEPS[name] for name in keep))
@@ -248,16 +297,40 @@ class Herkulex(Family):
     def set_id(self, target: Target, id: int) -> Procedure[None]:
         """Write EEP, then RAM, both under the old id: it changes with the second write (H-36).
 
-        If that one is lost the servo goes on under its old id until it restarts, and all can be done again.
+        EEP is read back in between. So a servo that goes by the new id keeps it, and one that still goes by the old
+        one can be given it again.
         """
-        yield from self.store(target, {target.model.register("id"): check_id(id)})
+        row = target.model.register("id")
+        yield from self._keep(target, row, check_id(id))
+        if id != target.id:
+            yield from self.put(target, {row: id}, keep=False)
 
     def set_baud(self, target: Target, baud: int) -> Procedure[None]:
         """Write EEP and restart: Baud Rate acts only then (H-37)."""
         register = target.model.register("baud_rate")
-        yield from self.store(target, {register: register.encode(baud)})
+        yield from self._keep(target, register, register.encode(baud))
         yield Pause(EEP_TIME)
         yield from self.reboot(target)
+
+    def _keep(self, target: Target, row: Register[Any], raw: int) -> Procedure[None]:
+        """Write one register to EEP and nowhere else, until it is there. Raises BusError if it does not get there."""
+        spot = _kept(row)
+        assert spot is not None
+        part = spot, row.layout.pack(raw)
+        if target.answers is Answers.NOTHING:  # then nothing can be made sure of
+            yield from _send(target, [part])
+            return
+        for _ in range(2):
+            (kept,) = yield from ask(self.read_stored(target, [row]))
+            if kept == raw:
+                return
+            if target.notes is not None:
+                target.notes.check_wear(str(target), [row])
+                target.notes.wrote([row])
+            yield from _send(target, [part])
+        (kept,) = yield from ask(self.read_stored(target, [row]))
+        if kept != raw:
+            raise BusError(f"{target} did not keep {row.name} = {raw}: it is {kept}")
 
     def explain(
         self,
@@ -267,8 +340,8 @@ class Herkulex(Family):
     ) -> str:
         try:
             if packet.code & ACK:
-                return _say_ack(parse_ack(packet), model)
-            return _say_request(parse_request(packet), Code(packet.code), model)
+                return say_ack(parse_ack(packet), model)
+            return say_request(parse_request(packet), Code(packet.code), model)
         except ValueError as error:
             return f"{error}, {addressed(packet.id)}"
 
@@ -374,55 +447,3 @@ def _raw_position(target: Target, stance: Stance) -> int:
 def _nearest(target: Target, stance: Stance) -> int:
     """Give the goal nearest to where the servo is: the very place, if it is within its limits."""
     return min(max(_raw_position(target, stance), stance.low), stance.high)
-
-
-def _say_request(message: Request, code: Code, model: type[Model] | None) -> str:
-    head = f"{code.name} {addressed(message.id)}"
-    match message:
-        case EepRead(_, address, length) | RamRead(_, address, length):
-            return f"{head}: {show_span(model, address, length, _area(code))}"
-        case EepWrite(_, address, data) | RamWrite(_, address, data):
-            return f"{head}: {show_values(model, address, data, _area(code))}"
-        case IJog(_, jogs):
-            each = (_say_jog(jog, f"playtime {show(jog.playtime * TICK, 's')}", model=model) for jog in jogs)
-            return f"{head}: {', '.join(each)}"
-        case SJog(_, playtime, jogs):
-            each = (_say_jog(jog, model=model) for jog in jogs)
-            return f"{head}, playtime {show(playtime * TICK, 's')}: {', '.join(each)}"
-        case Rollback(_, keep):
-            return f"{head}, keeping {show_flags(keep).replace('+', ' and ') if keep else 'nothing'}"
-    return head
-
-
-def _say_jog(jog: Jog, *details: str, model: type[Model] | None) -> str:
-    if jog.invalid:
-        return f"{servo(jog.id)} left alone"
-    if jog.stop:
-        does = "stops"
-    elif jog.mode is ControlMode.INFINITE_TURN:
-        does = f"turns at {JOG_SPEED.show(JOG_SPEED.decode(jog.value))}"
-    else:
-        goal = model.register("goal_position") if model else None
-        does = f"to {goal.show(goal.decode(jog.value)) if goal else jog.value}"
-    notes = [show_flags(jog.led) if jog.led else "lights off", *details]
-    if jog.no_override:
-        notes.append("from speed 0")
-    return f"{servo(jog.id)} {does} ({', '.join(notes)})"
-
-
-def _say_ack(ack: Ack, model: type[Model] | None) -> str:
-    said = []
-    if ack.code in (Code.EEP_READ, Code.RAM_READ) and len(ack.data) > 2 and len(ack.data) == ack.data[1] + 2:
-        said.append(show_values(model, ack.data[0], ack.data[2:], _area(ack.code)))
-    elif ack.data:
-        said.append(show_bytes(ack.data))
-    if ack.status_error:
-        said.append(f"ALARM {show_flags(ack.status_error)}")
-    if ack.status_detail:
-        said.append(show_flags(ack.status_detail))
-    return f"ACK of {ack.code.name} from {servo(ack.id)}: {'; '.join(said) or 'ok'}"
-
-
-def _area(code: Code) -> Area:
-    """Tell which of the two maps a command is about."""
-    return Area.EEPROM if code in (Code.EEP_READ, Code.EEP_WRITE) else Area.RAM

@@ -1,9 +1,9 @@
 """The verbs of the LewanSoul bus servos. Packets and their sources: servobus.protocols.lewansoul."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from servobus.errors import BadValue, UsageError
+from servobus.errors import BadValue, BusError, Refused
 from servobus.exchange import Exchange, Pause, Procedure, Reply, ask, sent
 from servobus.families.base import (
     Answers,
@@ -25,12 +25,12 @@ from servobus.protocols.lewansoul import (
     BAUD,
     FRAMING,
     FULL_OUTPUT,
+    Alarm,
     Answer,
     Command,
     Mode,
     Request,
     angle_offset_write,
-    id_write,
     length_of,
     mode_write,
     move_start,
@@ -45,6 +45,7 @@ from servobus.protocols.lewansoul import (
     values_of,
 )
 from servobus.registers import Area, Pair, Register
+from servobus.units import Flags
 
 WATCH = 0.05
 """s between the two looks that tell whether a servo moves."""
@@ -60,6 +61,9 @@ class Lewansoul(Family):
     default_baud = BAUD
     bauds = (BAUD,)
     max_move_time = 30.0
+    fickle = frozenset(
+        {"goal_position", "goal_time", "wait_goal_position", "wait_goal_time", "mode", "motor_speed"}
+    )  # a move and a mode are given by other ways too
 
     def ping(self, id: int) -> Exchange[None]:
         return question(check_id(id), Command.SERVO_ID_READ, sent)
@@ -80,21 +84,27 @@ class Lewansoul(Family):
         places = tuple((codes.index(_pair(row).read), _bytes(row), row.layout) for row in registers)
         return Reading(tuple(_parameters(target.id, code) for code in codes), places)
 
-    def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Send each command once; parameters that are not given are read first and sent back unchanged."""
-        yield from self._write(target, values, save=False)
+    def put(
+        self, target: Target, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
+    ) -> Procedure[None]:
+        """Send each command once; parameters that are not given are read first and sent back unchanged.
 
-    def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Write; the servo saves by itself, except the offset, which command 18 saves."""
-        for register in values:
-            if register.area is not Area.EEPROM:
-                raise UsageError(f"{register.model} {register.name} is not saved by the servo")
-        yield from self._write(target, values, save=True)
+        The servo saves by itself, except the offset, which command 18 saves.
+        """
+        fresh = {register: raw for register, raw in values.items() if register not in same}
+        yield from self._write(target, fresh, save=keep)
+
+    def wears(self, register: Register[Any], *, keep: bool) -> bool:
+        return register.area is Area.EEPROM and (keep or not _is_offset(register))
+
+    def stored_is_told(self, register: Register[Any]) -> bool:
+        """Command 19 tells the offset in use, which command 18 may not have saved yet."""
+        return not _is_offset(register)
 
     def stance(self, target: Target) -> Procedure[Stance]:
         names = ("present_position", "torque_enable", "min_position", "max_position", "mode")
         rows = [target.model.register(name) for name in names]
-        position, torque, low, high, mode = yield from self.read(target, rows)
+        position, torque, low, high, mode = yield from ask(self.read(target, rows))
         return Stance(rows[0].decode(position), bool(torque), low, high, turning=mode == Mode.MOTOR)
 
     def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
@@ -109,9 +119,9 @@ class Lewansoul(Family):
     def moving(self, target: Target) -> Procedure[bool]:
         """Compare two positions: no flag tells. Slower than one unit in 50 ms (4.8°/s) counts as rest."""
         row = [target.model.register("present_position")]
-        before = yield from self.read(target, row)
+        before = yield from ask(self.read(target, row))
         yield Pause(WATCH)
-        after = yield from self.read(target, row)
+        after = yield from ask(self.read(target, row))
         return before != after
 
     def stop(self, target: Target) -> Procedure[None]:
@@ -123,7 +133,42 @@ class Lewansoul(Family):
 
     def torque(self, target: Target, on: bool) -> Procedure[None]:
         """Nothing jumps: a servo that is loaded holds the angle at which it is (L-70, assumption)."""
-        yield from ask(send(target.id, Command.SERVO_LOAD_OR_UNLOAD_WRITE, int(on)))
+        yield from self.write(target, {target.model.register("torque_enable"): int(on)})
+
+    def read_alarms(self, target: Target) -> Procedure[Alarm]:
+        """Compare temperature and supply with their limits: no packet tells the alarms, and none a locked rotor."""
+        names = ("present_temperature", "max_temperature", "present_voltage", "min_voltage", "max_voltage")
+        rows = [target.model.register(name) for name in names]
+        celsius, hottest, volts, low, high = yield from ask(self.read(target, rows))
+        alarms = Alarm(0)
+        if celsius > hottest:
+            alarms |= Alarm.OVER_TEMPERATURE
+        if not low <= volts <= high:
+            alarms |= Alarm.OVER_VOLTAGE
+        return alarms
+
+    def rearm(self, target: Target) -> Procedure[None]:
+        """Unload, make the present position the goal, load: of itself it would go on with its last move (16).
+
+        What became of a move that was given without torque is not said (L-69): the one to where it is replaces it.
+        """
+        standing = yield from self.read_alarms(target)
+        if standing:
+            said = Flags(Alarm).show(standing)
+            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
+        stance = yield from self.stance(target)
+        if stance.torque:
+            return
+        yield from self.torque(target, on=False)
+        if stance.turning:
+            yield from ask(mode_write(target.id, Mode.MOTOR, 0))
+        else:
+            (here,) = yield from ask(self.read(target, [target.model.register("present_position")]))
+            if stance.low <= here <= stance.high:  # else it would run to the nearer limit
+                yield from ask(move_time_write(target.id, here, 0))
+        yield from self.torque(target, on=True)
+        if not (yield from self.stance(target)).torque:
+            raise BusError(f"{target}: the torque did not come on")
 
     def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Motor mode: the "speed" of the manual is a duty, nothing measures how fast it turns."""
@@ -156,7 +201,7 @@ class Lewansoul(Family):
         raise cannot(target, "be reset", why)
 
     def set_id(self, target: Target, id: int) -> Procedure[None]:
-        yield from ask(id_write(target.id, id))
+        yield from self.write(target, {target.model.register("id"): check_id(id)})
 
     def set_baud(self, target: Target, baud: int) -> Procedure[None]:
         yield from ()  # a procedure without steps
@@ -189,7 +234,7 @@ class Lewansoul(Family):
         return Question(Reply(None if everybody else packet.id, int(command), (length_of(command.reply),)))
 
     def _mode(self, target: Target) -> Procedure[int]:
-        (mode,) = yield from self.read(target, [target.model.register("mode")])
+        (mode,) = yield from ask(self.read(target, [target.model.register("mode")]))
         return mode
 
     def _write(self, target: Target, values: Mapping[Register[Any], int], *, save: bool) -> Procedure[None]:
@@ -217,6 +262,10 @@ class Lewansoul(Family):
 def _pair(register: Register[Any]) -> Pair:
     assert isinstance(register.place, Pair)
     return register.place
+
+
+def _is_offset(register: Register[Any]) -> bool:
+    return _pair(register).write == Command.SERVO_ANGLE_OFFSET_ADJUST
 
 
 def _bytes(register: Register[Any]) -> slice:

@@ -1,0 +1,23 @@
+"""`rearm`: torque again after the servo itself has switched it off."""
+
+import click
+
+from servobus.cli.options import Where, find, on_servo, opened, verb
+from servobus.cli.output import warn_alarms
+from servobus.units import show
+
+
+@verb("rearm", "servobus rearm /dev/ttyUSB0 1", "servobus rearm virtual:drs0602@219 219")
+@on_servo
+def rearm(port: str, id: int, where: Where) -> None:
+    """Switch the torque of the servo ID on PORT on again, after an alarm has switched it off.
+
+    The alarm is cleared by the rule of the servo's family, and the goal becomes the present position, so nothing
+    jumps. Refused while the cause is still there, such as a servo that is too hot.
+    """
+    with opened(port) as bus:
+        servo = find(bus, where, id)
+        servo.rearm()
+        state = servo.look()
+        click.echo(f"{servo.target}: torque on, holds {show(state.position, 'rad')}")
+        warn_alarms(servo)

@@ -1,0 +1,216 @@
+"""Changes of id, speed and settings on a line that loses requests and replies, one after the other (F19)."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from servobus import DRS0602, MODELS, RX28, BadValue, Bus, BusError, NoReply, UsageError
+from servobus.families.base import Answers
+from unit.lossy import ASYNC, SYNC, Bench, Job, Lossy
+
+SPEEDS = {"rx28": (57_600, 1_000_000), "drs0602": (115_200, 500_000)}
+"""Factory speed and another one (RX-28 manual 3-4-1; DRS-0602 manual 4-2 NO 5)."""
+KINDS = [
+    (key, answers)
+    for key in MODELS
+    for answers in ((Answers.READS,) if key == "lx16a" else (Answers.READS, Answers.EVERYTHING))
+]
+DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
+
+
+def lose_each(make: Callable[[], Bench], job: Job, check: Callable[[Bench], None]) -> None:
+    """Do a job once undisturbed, then once for each request and each reply of it that can be lost."""
+    bench = make()
+    bench.line.lose()
+    bench.do(job)
+    check(bench)
+    count = len(bench.line.requests)
+    assert count >= 3
+    for number in range(1, count + 1):
+        for lost in ({"request": number}, {"reply": number}):
+            bench = make()
+            bench.line.lose(**lost)
+            bench.do(job)
+            assert len(bench.line.requests) >= number
+            check(bench)
+
+
+@DRIVERS
+@pytest.mark.parametrize(("key", "answers"), KINDS)
+def test_an_id_changes_whatever_single_packet_is_lost(key: str, answers: Answers, driver: str) -> None:
+    def check(bench: Bench) -> None:
+        assert bench.at() == bench.really_at() == (7, bench.real.model.family.default_baud)
+        assert bench.stored("id") == 7
+        assert bench.servo.target.answers is answers
+
+    lose_each(lambda: Bench(key, driver, answers), lambda servo: servo.change_id(7), check)
+
+
+@DRIVERS
+@pytest.mark.parametrize(("key", "answers"), KINDS[:-1])
+def test_a_speed_changes_whatever_single_packet_is_lost(key: str, answers: Answers, driver: str) -> None:
+    def check(bench: Bench) -> None:
+        assert bench.at() == bench.really_at() == (5, SPEEDS[key][1])
+        assert bench.line.baud == SPEEDS[key][1]
+
+    lose_each(lambda: Bench(key, driver, answers), lambda servo: servo.change_baud(SPEEDS[key][1]), check)
+
+
+@DRIVERS
+@pytest.mark.parametrize(("key", "answers"), KINDS[:-1])
+def test_a_reset_happens_whatever_single_packet_is_lost(key: str, answers: Answers, driver: str) -> None:
+    factory = MODELS[key].register("id").default
+
+    def check(bench: Bench) -> None:
+        assert bench.at() == bench.really_at() == (factory, SPEEDS[key][0])
+        assert bench.servo.target.answers == MODELS[key].register("answer_level").default
+
+    lose_each(lambda: Bench(key, driver, answers), lambda servo: servo.reset(), check)
+
+
+@pytest.mark.parametrize("answers", [Answers.READS, Answers.EVERYTHING])
+def test_a_reset_that_keeps_id_and_speed_is_told_by_the_settings(answers: Answers) -> None:
+    def make() -> Bench:
+        bench = Bench("drs0602", SYNC, answers)
+        bench.real.memory.store(DRS0602.position_kp, 300)
+        return bench
+
+    def check(bench: Bench) -> None:
+        assert bench.at() == bench.really_at() == (5, 115_200)
+        assert bench.stored("position_kp") == 70  # manual 4-2
+
+    lose_each(make, lambda servo: servo.reset(keep=frozenset({"id", "baud"})), check)
+
+
+@pytest.mark.parametrize("key", SPEEDS)
+def test_servos_that_answer_nothing_can_be_changed_too(key: str) -> None:
+    bench = Bench(key, SYNC, Answers.NOTHING)
+    bench.do(lambda servo: servo.change_id(7))
+    assert bench.at() == bench.really_at() == (7, SPEEDS[key][0])
+    bench.do(lambda servo: servo.change_baud(SPEEDS[key][1]))
+    assert bench.at() == bench.really_at() == (7, SPEEDS[key][1])
+    bench.do(lambda servo: servo.reset())
+    assert bench.at() == bench.really_at() == (MODELS[key].register("id").default, SPEEDS[key][0])
+
+
+def is_id_write(key: str, request: bytes) -> bool:
+    """Tell whether a request gives a servo another id (its RAM id, on a HerkuleX)."""
+    return {
+        "rx28": request[4:6] == b"\x03\x03",  # WRITE_DATA to address 3
+        "drs0602": request[4:5] == b"\x03" and request[7:8] == b"\x00",  # RAM_WRITE to address 0
+        "lx16a": request[4:5] == b"\x0d",  # command 13
+    }[key]
+
+
+@DRIVERS
+@pytest.mark.parametrize("key", MODELS)
+def test_a_servo_that_does_not_take_the_id_is_told_twice_and_stays(key: str, driver: str) -> None:
+    bench = Bench(key, driver, Answers.READS)
+    told = 0
+
+    def lose_id_writes(request: bytes) -> bool:
+        nonlocal told
+        told += is_id_write(key, request)
+        return not is_id_write(key, request)
+
+    bench.line.on_request = lose_id_writes
+    with pytest.raises(BusError, match=r"still at id 5 at \d+ baud: it was told twice") as caught:
+        bench.do(lambda servo: servo.change_id(7))
+    assert not isinstance(caught.value, NoReply)
+    assert told == 2
+    assert bench.at() == bench.really_at()
+    assert bench.stored("id") == 5  # also after its next start
+    bench.line.on_request = None
+    bench.do(lambda servo: servo.ping())
+    bench.do(lambda servo: servo.change_id(7))
+    assert bench.at() == bench.really_at() == (7, bench.servo.baud)
+
+
+@DRIVERS
+@pytest.mark.parametrize("key", MODELS)
+def test_a_servo_that_is_found_nowhere_is_said_to_be(key: str, driver: str) -> None:
+    bench = Bench(key, driver, Answers.READS)
+
+    def cut_the_power(request: bytes) -> bool:
+        if is_id_write(key, request):
+            bench.real.power_off()
+        return True
+
+    bench.line.on_request = cut_the_power
+    with pytest.raises(NoReply, match=r"go to id 7 at \d+ baud and answers neither there nor at id 5"):
+        bench.do(lambda servo: servo.change_id(7))
+    assert bench.servo.id == 5
+
+
+@pytest.mark.parametrize("key", SPEEDS)
+def test_a_servo_whose_speed_does_not_change_is_spoken_to_at_the_old_one(key: str) -> None:
+    bench = Bench(key, SYNC, Answers.READS)
+    code = b"\x03\x04" if key == "rx28" else b"\x09"  # WRITE_DATA to address 4; REBOOT
+    bench.line.on_request = lambda request: not request[4:6].startswith(code)
+    with pytest.raises(BusError, match=f"still at id 5 at {SPEEDS[key][0]} baud"):
+        bench.do(lambda servo: servo.change_baud(SPEEDS[key][1]))
+    assert bench.at() == bench.really_at() == (5, SPEEDS[key][0])
+    assert bench.line.baud == SPEEDS[key][0]
+    assert bench.stored("baud") == MODELS[key].register("baud").default  # also after its next start
+    bench.do(lambda servo: servo.ping())
+
+
+def test_a_herkulex_stopped_between_its_two_ids_is_finished() -> None:
+    bench = Bench("drs0602", SYNC, Answers.READS)
+    bench.real.memory.eeprom[DRS0602.id] = 7  # as another program left it: EEP has the new id, RAM the old one
+    bench.do(lambda servo: servo.change_id(7))
+    assert bench.at() == bench.really_at() == (7, 115_200)
+    assert bench.servo.eeprom_writes == 0  # it was there already
+
+
+def test_a_second_servo_with_the_new_id_keeps_both_apart() -> None:
+    line = Lossy("rx28@5,7")
+    bus = Bus(line, echo=False)
+    with pytest.raises(UsageError, match="id 7 is not free"):
+        bus.attach(RX28, 5).change_id(7)
+    assert [servo.id for servo in line.servos] == [5, 7]
+
+
+@pytest.mark.parametrize("key", MODELS)
+@pytest.mark.parametrize("id", [254, 255, -1])
+def test_broadcast_ids_are_refused_before_anything_is_sent(key: str, id: int) -> None:
+    bench = Bench(key, SYNC, Answers.READS)
+    with pytest.raises(BadValue, match=r"is not in 0 \.\. 253"):
+        bench.do(lambda servo: servo.change_id(id))
+    assert bench.line.requests == []
+
+
+@pytest.mark.parametrize("key", MODELS)
+def test_id_and_speed_cannot_be_written_as_if_they_were_settings(key: str) -> None:
+    bench = Bench(key, SYNC, Answers.READS)
+    model = MODELS[key]
+    rows = [(model.register("id"), 7, "change_id")]
+    if key in SPEEDS:
+        rows.append((model.register("baud"), SPEEDS[key][1], "change_baud"))
+    servo: Any = bench.servo
+    for row, value, verb in rows:
+        jobs = [
+            (servo.write, (row, value)),
+            (servo.write_many, ({row: value},)),
+            (servo.write_raw, ({row: row.encode(value)},)),
+            (servo.store, ({row: value},)),
+        ]
+        for job, arguments in jobs:
+            with pytest.raises(UsageError, match=rf"use {verb}\(\)"):
+                job(*arguments)
+    assert bench.line.requests == []
+
+
+def test_a_port_that_goes_away_during_a_change_says_so() -> None:
+    bench = Bench("rx28", SYNC, Answers.EVERYTHING)
+
+    def unplug(request: bytes) -> bool:
+        if is_id_write("rx28", request):
+            raise OSError("unplugged")
+        return True
+
+    bench.line.on_request = unplug
+    with pytest.raises(OSError, match="unplugged"):
+        bench.do(lambda servo: servo.change_id(7))
+    assert bench.at() == bench.really_at()
