@@ -10,6 +10,7 @@ import time
 from servobus.errors import BadValue, PortError
 from servobus.transports.base import Transport
 from servobus.virtual.drawer import Drawer, open_drawer
+from servobus.virtual.faults import Faults
 from servobus.virtual.servo import VirtualServo
 from servobus.virtual.spec import parse_url
 
@@ -29,6 +30,7 @@ class VirtualPort(Transport):
         self._now = 0.0
         self._started = time.monotonic()
         self._open = True
+        self._gone = False
         self.set_baud(drawer.default_baud)
 
     @property
@@ -37,16 +39,23 @@ class VirtualPort(Transport):
         self.drawer.advance(self.now())
         return self.drawer.servos
 
+    def inject(self, faults: Faults | str | None) -> None:
+        """Let these faults happen from now on; None mends everything. Raises BadValue."""
+        self.drawer.inject(faults, self.now())
+
     def write(self, data: bytes) -> None:
         self._check()
         self.drawer.send(data, self.now())
+        self._check()
 
     def read(self, timeout: float) -> bytes:
         self._check()
         now = self.now()
         deadline = now + timeout
         while True:
-            if data := self.drawer.receive(now):
+            data = self.drawer.receive(now)
+            self._check()
+            if data:
                 return data
             if now >= deadline:
                 return b""
@@ -82,9 +91,15 @@ class VirtualPort(Transport):
     def _check(self) -> None:
         if not self._open:
             raise PortError(f"{self.name} is closed")
+        # What was open when the port went away stays dead, even if the port comes back.
+        self._gone = self._gone or self.drawer.gone(self.now())
+        if self._gone:
+            raise PortError(f"{self.name} is gone, as the faults asked for")
 
 
 def connect(spec: str) -> VirtualPort:
     """Make a port of virtual servos: "virtual:rx28@1-4?clock=virtual&voltage=12". Raises UsageError."""
     setup = parse_url(spec)
-    return VirtualPort(spec, open_drawer(setup), real=setup.clock == "real")
+    port = VirtualPort(spec, open_drawer(setup), real=setup.clock == "real")
+    port.latency += setup.faults.latency + setup.faults.jitter  # this much an adapter's settings tell
+    return port
