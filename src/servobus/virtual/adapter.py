@@ -57,7 +57,6 @@ class Adapter:
         self._held: list[bytes] = []
         self._holder: Wave | None = None
         self._held_until = math.inf
-        self._released_by: Wave | None = None
         self._late: list[tuple[float, bytes]] = []
 
     def take(self, run: Run) -> None:
@@ -66,9 +65,8 @@ class Adapter:
             self._let_in(run.start)
         if self._holder is not None and run.wave is not self._holder:
             self._release(run.wave.end if run.wave else run.end)
-            self._released_by = run.wave
         plan = run.wave.note if run.wave is not None and isinstance(run.wave.note, Plan) else None
-        if plan is not None and plan.hold is not None and run.at == 0 and run.wave is not self._released_by:
+        if plan is not None and plan.hold is not None and run.at == 0:
             self._holder, self._held_until = run.wave, run.end + plan.hold
         step = (run.end - run.start) / len(run.data)
         for i, byte in enumerate(run.data):

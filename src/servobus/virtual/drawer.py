@@ -5,7 +5,7 @@ goes to all of them, and what they answer comes back in the order of time.
 """
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 
 from servobus.errors import UsageError
@@ -95,8 +95,13 @@ class Drawer:
 
     @property
     def injected(self) -> list[Injected]:
-        """The faults that have happened since the last call of `inject`, in the order of time."""
+        """The latest faults that have happened since the last call of `inject`, in the order of time."""
         return sorted((one for line in self.lines for one in line.injected), key=lambda one: one.time)
+
+    @property
+    def fault_counts(self) -> Counter[str]:
+        """Kind of fault -> how often it has happened since the last call of `inject`."""
+        return sum((line.fault_counts for line in self.lines), Counter())
 
     def gone(self, now: float) -> bool:
         """Tell whether the client's port is gone."""

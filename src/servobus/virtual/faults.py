@@ -362,3 +362,13 @@ SETTINGS: Final[Mapping[str, str]] = MappingProxyType(
         "skew": "skew@IDS=PERCENT, such as skew@2=3%",
     }
 )
+
+
+def explain() -> str:
+    """Say what there is, as a table for people."""
+    lines = [FORM, "", "WHICH replies or requests, from 1 on: #5, #5-9, #5-, or a time: #2s, #1.5s-3s, #2s-", ""]
+    for name, kind in KINDS.items():
+        lines.append(f"{name:9} {kind.hits:8} {kind.what}")
+        lines += [f"{'':18} @ {kind.place}"] * bool(kind.where) + [f"{'':18} : {kind.more}"] * bool(kind.argument)
+    lines += ["", *(f"{name:9} {text}" for name, text in SETTINGS.items())]
+    return "\n".join(lines)

@@ -8,6 +8,7 @@ Whatever a fault hits is decided once, when the reply or the request begins.
 import bisect
 import math
 import random
+from collections import Counter, deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 OUTAGE = 0.5
 """s that servos unplugged by chance, or at a moment, stay off if nothing else is said."""
+KEPT = 100_000
+"""Faults that the log remembers, the latest ones."""
 BEHIND = -1.0
 """In place of a time: when the reply is over."""
 TRIES = 256
@@ -49,7 +52,9 @@ class Injector:
 
     def __init__(self, faults: Faults, line: "VirtualLine", wire: list[Wave], now: float) -> None:
         self.faults = faults
-        self.log: list[Injected] = []
+        self.log: deque[Injected] = deque(maxlen=KEPT)
+        self.counts: Counter[str] = Counter()
+        """Kind -> how often it was brought about."""
         self.replies = self.requests = 0
         """Counted so far."""
         self._line = line
@@ -67,6 +72,8 @@ class Injector:
         self._changes: list[tuple[float, Callable[[float], None]]] = []
         """What is going to happen to servos, and when."""
         self._off: dict[Dice, list[VirtualServo]] = {}
+        self._glued = False
+        """Whether the last reply is held until the next comes."""
         self._gone: list[tuple[float, float]] = []
         """From when to when the port is gone."""
         for one in self._request_dice:
@@ -106,6 +113,7 @@ class Injector:
         if self.faults.jitter:
             plan.jitter = self._jitter.uniform(0, self.faults.jitter)
         twins: list[Wave] = []
+        waiting, self._glued = self._glued, False
         for one in self._reply_dice:
             if not one.hits(self.replies, wave.start):
                 continue
@@ -117,6 +125,10 @@ class Injector:
                     start = wave.end if one.argument == BEHIND else wave.start + one.argument
                     twins.append(Wave(start, wave.baud, wave.data, wave.sender))
                     self._note(one, self.replies, f"{start - wave.start:.6f} s after its start", wave.start)
+                case "glue":
+                    if not waiting:  # this one would let the last one go
+                        plan.hold, self._glued = one.argument, True
+                        self._note(one, self.replies, "to the next", wave.start)
                 case kind:
                     alter: Callable[[Dice, Plan], str | None] = getattr(self, f"_{kind}")
                     if (where := alter(one, plan)) is not None:
@@ -192,10 +204,6 @@ class Injector:
             return None
         plan.pauses[byte] = max(plan.pauses.get(byte, 0.0), dice.argument)
         return f"before byte {byte}"
-
-    def _glue(self, dice: Dice, plan: Plan) -> str:
-        plan.hold = dice.argument
-        return "to the next"
 
     def _stall(self, dice: Dice, plan: Plan) -> str:
         plan.pauses[0] = max(plan.pauses.get(0, 0.0), dice.argument)
@@ -304,6 +312,7 @@ class Injector:
         bisect.insort(self._changes, (time, act), key=lambda change: change[0])
 
     def _note(self, one: Dice, number: int, where: str, time: float) -> None:
+        self.counts[one.fault.kind] += 1
         self.log.append(Injected(one.fault.kind, number, where, time, self._line.family.name))
 
 

@@ -14,6 +14,7 @@ that did would keep two servos of one id answering each other's answers for ever
 
 import bisect
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from servobus.errors import UsageError
@@ -137,8 +138,13 @@ class VirtualLine:
 
     @property
     def injected(self) -> Sequence[Injected]:
-        """The faults that have happened since the last call of `inject`."""
+        """The latest faults that have happened since the last call of `inject`."""
         return self._injector.log if self._injector else ()
+
+    @property
+    def fault_counts(self) -> Counter[str]:
+        """Kind of fault -> how often it has happened since the last call of `inject`."""
+        return self._injector.counts if self._injector else Counter()
 
     def gone(self, now: float) -> bool:
         """Tell whether the client's port is gone."""
