@@ -9,7 +9,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 
 from servobus.errors import UsageError
-from servobus.virtual.faults import Faults, Injected
+from servobus.virtual.faults import NO_FAULTS, Faults, Injected
 from servobus.virtual.line import VirtualLine
 from servobus.virtual.motion import Rail
 from servobus.virtual.servo import ROOM_TEMPERATURE, VirtualServo, virtual_servo
@@ -24,6 +24,7 @@ class Drawer:
         if not lines:
             raise UsageError("a drawer needs at least one line")
         self.lines = list(lines)
+        self.faults = NO_FAULTS
         self._tasks: deque[Callable[[float], None]] = deque()
 
     @property
@@ -89,9 +90,9 @@ class Drawer:
 
     def inject(self, faults: Faults | str | None, now: float) -> None:
         """Let these faults happen from now on, instead of any others; None mends everything. Raises BadValue."""
-        wanted = Faults.parse(faults) if isinstance(faults, str) else faults or Faults()
+        self.faults = Faults.parse(faults) if isinstance(faults, str) else faults or NO_FAULTS
         for line in self.lines:
-            line.inject(wanted, now)
+            line.inject(self.faults, now)
 
     @property
     def injected(self) -> list[Injected]:

@@ -25,8 +25,7 @@ class VirtualPort(Transport):
         self.name = name
         self.drawer = drawer
         self._real = real
-        # A servo may be 3 % slower than the client believes; on the real clock whoever waits may be woken late.
-        self.latency = 0.005 if real else 0.001
+        self._tell_latency()
         self._now = 0.0
         self._started = time.monotonic()
         self._open = True
@@ -42,6 +41,7 @@ class VirtualPort(Transport):
     def inject(self, faults: Faults | str | None) -> None:
         """Let these faults happen from now on; None mends everything. Raises BadValue."""
         self.drawer.inject(faults, self.now())
+        self._tell_latency()
 
     def write(self, data: bytes) -> None:
         self._check()
@@ -88,6 +88,13 @@ class VirtualPort(Transport):
         self._now = max(self._now, moment)
         return self._now
 
+    def _tell_latency(self) -> None:
+        # A servo may be 3 % slower than the client believes; on the real clock whoever waits may be woken late.
+        own = 0.005 if self._real else 0.001
+        self.latency = (
+            own + self.drawer.faults.latency + self.drawer.faults.jitter
+        )  # so much an adapter's settings tell
+
     def _check(self) -> None:
         if not self._open:
             raise PortError(f"{self.name} is closed")
@@ -100,6 +107,4 @@ class VirtualPort(Transport):
 def connect(spec: str) -> VirtualPort:
     """Make a port of virtual servos: "virtual:rx28@1-4?clock=virtual&voltage=12". Raises UsageError."""
     setup = parse_url(spec)
-    port = VirtualPort(spec, open_drawer(setup), real=setup.clock == "real")
-    port.latency += setup.faults.latency + setup.faults.jitter  # this much an adapter's settings tell
-    return port
+    return VirtualPort(spec, open_drawer(setup), real=setup.clock == "real")
