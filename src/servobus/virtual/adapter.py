@@ -105,6 +105,18 @@ class Adapter:
             times.append(self._held_until)
         return min(times, default=None)
 
+    def together(self, run: Run) -> float | None:
+        """Give the time up to which these bytes come one behind the other; None if they come as the adapter likes."""
+        if self.latency or self._out or self._holder is not None:
+            return None
+        plan = run.wave.note if run.wave is not None and isinstance(run.wave.note, Plan) else None
+        if run.wave is None or plan is None:
+            return run.end
+        if plan.jitter:
+            return None
+        pauses = (run.wave.time(at) for at in plan.pauses if run.at < at < run.at + len(run.data))
+        return min(pauses, default=run.end)
+
     def _piece(self, time: float) -> float:
         """Give the time at which the piece is handed over that a byte received now belongs to."""
         wait = self.latency + self._jitter

@@ -93,6 +93,10 @@ class Injector:
         """Give what the client has by now and was not given yet."""
         return self._adapter.due(now)
 
+    def together(self, run: Run) -> float | None:
+        """Give the time up to which these bytes reach the client one behind the other; None if nobody knows."""
+        return self._adapter.together(run)
+
     def next_event(self, now: float) -> float | None:
         """Give the time at which the client notices something next."""
         times = [start for start, _ in self._gone if start > now]

@@ -120,6 +120,8 @@ class VirtualLine:
     def next_arrival(self) -> float | None:
         """Give the time at which the client has the last of the bytes that now come one behind the other."""
         arriving = self._client.next_run(self._to_client)
+        if arriving and self._injector:
+            return self._injector.together(arriving)
         return arriving.end if arriving else None
 
     def _first_arrival(self) -> float | None:
