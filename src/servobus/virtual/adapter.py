@@ -68,6 +68,9 @@ class Adapter:
         plan = run.wave.note if run.wave is not None and isinstance(run.wave.note, Plan) else None
         if plan is not None and plan.hold is not None and run.at == 0:
             self._holder, self._held_until = run.wave, run.end + plan.hold
+        if plan is None and not self.latency and not self._jitter:
+            self._put(run.end, run.data)
+            return
         step = (run.end - run.start) / len(run.data)
         for i, byte in enumerate(run.data):
             time = run.start + (i + 1) * step

@@ -55,8 +55,6 @@ class Injector:
         self.log: deque[Injected] = deque(maxlen=KEPT)
         self.counts: Counter[str] = Counter()
         """Kind -> how often it was brought about."""
-        self.replies = self.requests = 0
-        """Counted so far."""
         self._line = line
         self._framing = line.family.framing
         self._adapter = Adapter(wire, faults.latency, now)
@@ -66,6 +64,8 @@ class Injector:
         dice.sort(key=lambda one: names.index(one.fault.kind))
         self._reply_dice = [one for one in dice if KINDS[one.fault.kind].hits == "reply"]
         self._request_dice = [one for one in dice if KINDS[one.fault.kind].hits == "request"]
+        self._replies = self._sent = 0
+        """Replies and requests so far."""
         self._jitter = random.Random(f"{name}/jitter")
         self._requests = Decoder(line.family.framing)
         self._sent_until = now
@@ -112,31 +112,32 @@ class Injector:
 
     def reply(self, wave: Wave) -> list[Wave]:
         """Decide what becomes of a reply; give what the client's end of the wire carries of it."""
-        self.replies += 1
-        plan = plain(wave.data)
-        if self.faults.jitter:
-            plan.jitter = self._jitter.uniform(0, self.faults.jitter)
-        twins: list[Wave] = []
+        self._replies += 1
         waiting, self._glued = self._glued, False
-        for one in self._reply_dice:
-            if not one.hits(self.replies, wave.start):
-                continue
+        jitter = self._jitter.uniform(0, self.faults.jitter) if self.faults.jitter else 0.0
+        hits = [one for one in self._reply_dice if one.hits(self._replies, wave.start)]
+        if not hits and not jitter:
+            return [wave]
+        plan = plain(wave.data)
+        plan.jitter = jitter
+        twins: list[Wave] = []
+        for one in hits:
             match one.fault.kind:
                 case "mute":
-                    self._note(one, self.replies, "all of it", wave.start)
+                    self._note(one, self._replies, "all of it", wave.start)
                     return []
                 case "twin":
                     start = wave.end if one.argument == BEHIND else wave.start + one.argument
                     twins.append(Wave(start, wave.baud, wave.data, wave.sender))
-                    self._note(one, self.replies, f"{start - wave.start:.6f} s after its start", wave.start)
+                    self._note(one, self._replies, f"{start - wave.start:.6f} s after its start", wave.start)
                 case "glue":
                     if not waiting:  # this one would let the last one go
                         plan.hold, self._glued = one.argument, True
-                        self._note(one, self.replies, "to the next", wave.start)
+                        self._note(one, self._replies, "to the next", wave.start)
                 case kind:
                     alter: Callable[[Dice, Plan], str | None] = getattr(self, f"_{kind}")
                     if (where := alter(one, plan)) is not None:
-                        self._note(one, self.replies, where, wave.start)
+                        self._note(one, self._replies, where, wave.start)
         if plan.late is not None:
             self._adapter.take_late(wave.end + plan.late, plan.data)
             return twins
@@ -221,6 +222,8 @@ class Injector:
 
     def send(self, wave: Wave, *, echo: bool) -> tuple[list[Wave], list[Wave]]:
         """Decide what servos hear of what the client sends, and what it hears of that itself."""
+        if not self._request_dice:
+            return [wave], [wave] if echo else []
         if wave.start > self._sent_until + min(servo.garbage_timeout for servo in self._line.servos):
             self._requests.drop()  # as the servos did
         self._sent_until = wave.end
@@ -229,7 +232,7 @@ class Injector:
         parts = [bytes((byte,)) if echo else b"" for byte in wave.data]
         for event in self._requests.feed(wave.data):
             if isinstance(event, Packet):
-                self.requests += 1
+                self._sent += 1
                 stop = event.end - before
                 begin = max(0, stop - self._framing.overhead - len(event.data))
                 for one in self._request_dice:
@@ -239,7 +242,7 @@ class Injector:
 
     def _befall(self, one: Dice, wave: Wave, packet: slice, heard: list[bool], parts: list[bytes]) -> None:
         """Let a fault act on the request that stands at these bytes of the wave."""
-        fault, number, start = one.fault, self.requests, wave.time(packet.start)
+        fault, number, start = one.fault, self._sent, wave.time(packet.start)
         if fault.kind == "unplug" and fault.probability == 1:
             self._unplug(one, number, start)
         elif fault.which.timed and fault.probability == 1 and KINDS[fault.kind].rare:

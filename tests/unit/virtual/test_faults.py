@@ -365,26 +365,55 @@ def conversation(client: VirtualPort, count: int = 60) -> list[bytes]:
 
 def test_one_seed_one_story() -> None:
     first, second = port(MIX.format(7)), port(MIX.format(7))
-    heard = conversation(first)
-    assert heard == conversation(second)
+    heard = conversation(first, 200)
+    assert heard == conversation(second, 200)
     assert first.drawer.injected == second.drawer.injected
     assert set(first.drawer.fault_counts) == {part.split("=")[0].split("@")[0] for part in MIX.split(",")[1:]}
-    assert heard != conversation(port(MIX.format(8)))
+    assert heard != conversation(port(MIX.format(8)), 200)
 
 
-def test_pieces_make_no_difference() -> None:
-    mix = MIX.format(3).replace("echo@bad=0.1,", "")  # what has been echoed cannot be altered afterwards
-    whole, cut = port(mix), port(mix)
-    for _ in range(60):
-        for byte in PING:
+@pytest.mark.parametrize(
+    "more", ["", ",glue=0.2,stall=0.1:10ms,late=0.2:15ms", ",latency=0.3ms,jitter=2ms,twin=0.2:0.1ms"]
+)
+@every_family
+def test_pieces_make_no_difference(servos: str, more: str) -> None:
+    # What has been echoed or heard of a request before it is whole cannot be taken back.
+    mix = MIX.format(3).replace("echo@bad=0.1,", "").replace("deaf=0.1,", "") + more
+    request, _ = FAMILIES[servos]
+    whole, cut = port(mix, servos), port(mix, servos)
+    streams = b"", b""
+    for _ in range(30):
+        for byte in request:
             cut.write(bytes((byte,)))
-        heard, end = b"", cut.now() + 0.05
-        while cut.now() < end:
-            heard += cut.read(0.0001)
-        assert heard == ask(whole)
+        whole.write(request)
+        streams = streams[0] + until(whole, 9.0), streams[1] + until(cut, 0.00013)
+    assert streams[0] == streams[1]
+    assert whole.drawer.fault_counts == cut.drawer.fault_counts
     assert [(one.kind, one.number, one.where) for one in whole.drawer.injected] == [
         (one.kind, one.number, one.where) for one in cut.drawer.injected
     ]
+
+
+def until(client: VirtualPort, grain: float, length: float = 0.02) -> bytes:
+    """Give all that comes within a time, looking for it this often."""
+    heard, end = b"", client.now() + length
+    while (left := end - client.now()) > 1e-9:
+        heard += client.read(min(grain, left))
+    return heard
+
+
+def test_the_same_on_the_real_clock() -> None:
+    faults = "seed=11,drop=0.2,flip=0.2,junk=0.2:1-8,stranger=0.1,mute=0.1,deaf=0.1,split=0.1:1ms"
+    virtual, real = port(faults), connect(f"virtual:rx28@1?faults={faults}")
+    for _ in range(20):
+        expected = ask(virtual)
+        real.write(PING)
+        heard, deadline = b"", time.monotonic() + 5
+        while len(heard) < len(expected) and time.monotonic() < deadline:
+            heard += real.read(1)
+        assert heard == expected
+        if not expected:
+            assert real.read(0.02) == b""
 
 
 def test_each_fault_has_dice_of_its_own() -> None:
@@ -563,6 +592,12 @@ def test_what_makes_no_sense(text: str, why: str) -> None:
 def test_everything_is_explained() -> None:
     text = explain()
     assert {line.split()[0] for line in text.splitlines()[4:] if line[:1].strip()} == {*KINDS, *SETTINGS}
+
+
+def test_the_page_has_them_all() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "virtual.md").read_text(encoding="utf-8")
+    section = page.partition("## A line with faults")[2].partition("## In tests")[0]
+    assert set(re.findall(r"^\| `(\w+)", section, re.MULTILINE)) == {*KINDS, *SETTINGS}
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pseudo terminals and signals as on POSIX")
