@@ -12,12 +12,12 @@ import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Mapping
 from contextlib import asynccontextmanager
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeVar, cast
 
 from servobus.driver import Driver
-from servobus.errors import BusError, NoReply
-from servobus.exchange import Exchange, Job, Pause, Procedure, SetBaud, Step
+from servobus.exchange import Exchange, Job
 from servobus.families.base import Target
+from servobus.link import MISSED, Listen, Waits
 from servobus.operation import Awaiting
 from servobus.procedures import Course
 from servobus.servo import Servo
@@ -107,11 +107,11 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
     async def do(self, job: Job[T], *, baud: int | None = None) -> T:
         """Carry out any job, an exchange or a procedure, at this speed or at the one in use."""
         async with self._lock:
-            if baud is not None:
-                await self._step(SetBaud(baud))
-            if isinstance(job, Exchange):
+            if baud is not None and baud != self.transport.baud:
+                await self._wait(self.link.set_baud(baud))
+            if type(job) is Exchange:
                 return await self._exchange(job)
-            return await self._run(job)
+            return await self._wait(self.link.run(job))
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> AsyncMove:
         """Move several servos, id -> angle in rad, that start together and arrive together; see `Bus.move`."""
@@ -136,54 +136,42 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
 
     # Carrying out
 
-    async def _run(self, procedure: Procedure[T]) -> T:
+    async def _exchange(self, exchange: Exchange[T]) -> T:
+        """Take the shortest way: one write, one wait, one read; the long one where that does not do."""
+        link = self.link
+        if not link.begin(exchange):
+            return await self._wait(link.carry(exchange))
         try:
-            step = next(procedure)
+            chunk = await self._read(link.window)
+            result = link.quick(exchange, chunk)
+        except asyncio.CancelledError:
+            link.give_up(exchange)
+            raise
+        if result is MISSED:
+            return await self._wait(link.carry(exchange, chunk))
+        return cast("T", result)
+
+    async def _wait(self, waits: Waits[T]) -> T:
+        heard = b""
+        try:
+            wait = next(waits)
             while True:
-                try:
-                    result = await self._step(step)
-                except BusError as error:
-                    step = procedure.throw(error)
+                if isinstance(wait, Listen):
+                    heard = await self._read(wait.seconds)
+                elif wait.shared:
+                    self._lock.release()
+                    try:
+                        await self._pause(wait.seconds)
+                    finally:
+                        await self._lock.acquire()
                 else:
-                    step = procedure.send(result)
+                    await self._pause(wait.seconds)
+                wait = waits.send(heard)
         except StopIteration as stop:
             done: T = stop.value
             return done
         finally:
-            procedure.close()
-
-    async def _step(self, step: Step) -> Any:
-        if isinstance(step, Exchange):
-            return await self._exchange(step)
-        await self._pause(self._wait_before(step))
-        if isinstance(step, SetBaud):
-            self._set_baud(step.baud)
-        elif isinstance(step, Pause):
-            await self._pause(step.seconds)
-        return None
-
-    async def _exchange(self, exchange: Exchange[T]) -> T:
-        try:
-            return await self._attempt(exchange)
-        except BusError as error:
-            pause = self._second_try(exchange, error)
-            if pause is None:
-                raise
-            first = error
-        await self._pause(pause)
-        try:
-            return await self._attempt(exchange)
-        except NoReply:
-            raise first from None  # the first error says more, or the same
-
-    async def _attempt(self, exchange: Exchange[T]) -> T:
-        await self._pause(self._patience_before(exchange))
-        collector, deadline = self._send(exchange)
-        while not collector.done and (left := deadline - self.transport.now()) > 0:
-            chunk = await self._read(left)
-            if chunk:
-                collector.feed(chunk)
-        return self._judge(collector)
+            waits.close()
 
     # Waiting, the asynchronous way
 

@@ -12,12 +12,12 @@ import threading
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeVar, cast
 
 from servobus.driver import Driver
-from servobus.errors import BusError, NoReply
-from servobus.exchange import Exchange, Job, Pause, Procedure, SetBaud, Step
+from servobus.exchange import Exchange, Job
 from servobus.families.base import Target
+from servobus.link import MISSED, Listen, Waits
 from servobus.operation import Blocking
 from servobus.procedures import Course
 from servobus.servo import Servo
@@ -93,11 +93,11 @@ class Bus(Blocking, Driver[BusServo]):
     def do(self, job: Job[T], *, baud: int | None = None) -> T:
         """Carry out any job, an exchange or a procedure, at this speed or at the one in use."""
         with self._lock:
-            if baud is not None:
-                self._step(SetBaud(baud))
-            if isinstance(job, Exchange):
+            if baud is not None and baud != self.transport.baud:
+                self._wait(self.link.set_baud(baud))
+            if type(job) is Exchange:
                 return self._exchange(job)
-            return self._run(job)
+            return self._wait(self.link.run(job))
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> Move:
         """Move several servos, id -> angle in rad, that start together and arrive together.
@@ -121,55 +121,40 @@ class Bus(Blocking, Driver[BusServo]):
 
     # Carrying out
 
-    def _run(self, procedure: Procedure[T]) -> T:
+    def _exchange(self, exchange: Exchange[T]) -> T:
+        """Take the shortest way: one write, one wait, one read; the long one where that does not do."""
+        link = self.link
+        if not link.begin(exchange):
+            return self._wait(link.carry(exchange))
         try:
-            step = next(procedure)
+            chunk = self.transport.read(link.window)
+            result = link.quick(exchange, chunk)
+        except KeyboardInterrupt:
+            link.give_up(exchange)
+            raise
+        if result is MISSED:
+            return self._wait(link.carry(exchange, chunk))
+        return cast("T", result)
+
+    def _wait(self, waits: Waits[T]) -> T:
+        transport = self.transport
+        heard = b""
+        try:
+            wait = next(waits)
             while True:
-                try:
-                    result = self._step(step)
-                except BusError as error:
-                    step = procedure.throw(error)
+                if isinstance(wait, Listen):
+                    heard = transport.read(wait.seconds)
+                elif wait.shared:
+                    self._lock.release()
+                    try:
+                        transport.sleep(wait.seconds)
+                    finally:
+                        self._lock.acquire()
                 else:
-                    step = procedure.send(result)
+                    transport.sleep(wait.seconds)
+                wait = waits.send(heard)
         except StopIteration as stop:
             done: T = stop.value
             return done
         finally:
-            procedure.close()
-
-    def _step(self, step: Step) -> Any:
-        if isinstance(step, Exchange):
-            return self._exchange(step)
-        self._pause(self._wait_before(step))
-        if isinstance(step, SetBaud):
-            self._set_baud(step.baud)
-        elif isinstance(step, Pause):
-            self._pause(step.seconds)
-        return None
-
-    def _exchange(self, exchange: Exchange[T]) -> T:
-        try:
-            return self._attempt(exchange)
-        except BusError as error:
-            pause = self._second_try(exchange, error)
-            if pause is None:
-                raise
-            first = error
-        self._pause(pause)
-        try:
-            return self._attempt(exchange)
-        except NoReply:
-            raise first from None  # the first error says more, or the same
-
-    def _attempt(self, exchange: Exchange[T]) -> T:
-        self._pause(self._patience_before(exchange))
-        collector, deadline = self._send(exchange)
-        while not collector.done and (left := deadline - self.transport.now()) > 0:
-            chunk = self.transport.read(left)
-            if chunk:
-                collector.feed(chunk)
-        return self._judge(collector)
-
-    def _pause(self, seconds: float) -> None:
-        if seconds > 0:
-            self.transport.sleep(seconds)
+            waits.close()

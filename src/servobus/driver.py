@@ -1,28 +1,26 @@
-"""What the blocking and the asynchronous driver share: timing, echo, and the servos they know.
+"""What the blocking and the asynchronous driver share: the servos they know, and what one can do with several.
 
 The drivers themselves only differ in how they wait.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 from servobus import models, procedures
-from servobus.errors import BusError, Refused, UnknownName
-from servobus.exchange import Collector, Exchange, Pause, Procedure, SetBaud
+from servobus.errors import BusError, UnknownName
+from servobus.exchange import Exchange, Procedure, SetBaud
 from servobus.families.base import Answers, Family, Model, Target
+from servobus.framing import Framing, Packet
+from servobus.link import Link
 from servobus.operation import Operation
 from servobus.procedures import Course, Found, Survey, Watcher
 from servobus.protocols.ids import LAST_ID, check_id
 from servobus.servo import Servo
+from servobus.stats import Stats
 from servobus.transports.base import Transport
 
-T = TypeVar("T")
 S = TypeVar("S", bound=Servo)
-
-BITS_PER_BYTE = 10
-"""Start bit, eight data bits, stop bit: 8N1, as all three families use."""
 
 
 class Driver(ABC, Generic[S]):
@@ -34,19 +32,21 @@ class Driver(ABC, Generic[S]):
 
     def __init__(self, transport: Transport, *, bauds: tuple[int, ...] | None = None, echo: bool | None = None) -> None:
         self.transport = transport
+        self.link = Link(transport, echo=echo, heard=self._heard, markers=self._markers)
         self.bauds = bauds
-        self.echo = echo
         self.survey = Survey()
         """What the last scan saw, what made no sense included."""
         self._servos: list[S] = []
-        self._used_speed = False
-        """Whether anything was sent since the speed last changed."""
-        self._quiet_at = 0.0
-        """Time at which every servo has forgotten what it heard at another speed."""
-        self._clear_at = 0.0
-        """Time at which the last of our bytes has left."""
-        self._sent_at = 0.0
-        """Time from which on a change of speed cannot spoil them any more."""
+
+    @property
+    def echo(self) -> bool | None:
+        """Whether the adapter gives back what it sends; None as long as that is not known."""
+        return self.link.echo
+
+    @property
+    def stats(self) -> Stats:
+        """What happened on this bus, in numbers."""
+        return self.link.stats
 
     # The servos known here
 
@@ -237,67 +237,18 @@ class Driver(ABC, Generic[S]):
     def _speeds(self, bauds: Iterable[int] | None) -> tuple[int, ...] | None:
         return self.bauds if bauds is None else tuple(bauds)
 
-    # One exchange, less the waiting
+    # What the link asks of us
 
-    def _send(self, exchange: Exchange[T]) -> tuple[Collector[T], float]:
-        """Send the request; give what collects the reply, and when to give up."""
-        transport = self.transport
-        transport.discard()  # what is left of earlier troubles must not answer this question
-        if self.echo is None and exchange.looks_like_its_reply():
-            # Before such a request goes a byte that servos skip: if it comes back, the rest is an echo too.
-            exchange = replace(exchange, request=b"\x00" + exchange.request)
-        collector = Collector(exchange, self.echo)
-        self._used_speed = True
-        transport.write(exchange.request)
-        byte_time = BITS_PER_BYTE / transport.baud
-        leaves = max(transport.now(), self._clear_at) + len(exchange.request) * byte_time
-        self._clear_at = leaves
-        # Where nothing answers nobody tells when the adapter has really sent it.
-        self._sent_at = leaves + (transport.latency if exchange.reply is None else 0.0)
-        patience = transport.latency
-        if exchange.reply is not None:
-            # A servo's speed may be 3 % off (RX-28 manual 3-4-1).
-            patience += 1.03 * (exchange.turnaround + exchange.reply_size * byte_time)
-        return collector, leaves + patience
+    def _markers(self, framing: Framing, id: int) -> Sequence[Exchange[Any]]:
+        return _FAMILY_OF[framing].markers(id)
 
-    def _set_baud(self, baud: int) -> None:
-        """Change the speed.
-
-        Servos hear what is sent at another speed as garbage. One that took it for the start of a packet
-        misses the next request, until it has been quiet for a while.
-        """
-        if baud == self.transport.baud:
+    def _heard(self, exchange: Exchange[Any], packet: Packet) -> None:
+        """Keep the alarms of a reply with the servo that sent it."""
+        if exchange.alarms is None:
             return
-        self.transport.set_baud(baud)
-        if self._used_speed:
-            self._quiet_at = self.transport.now() + procedures.QUIET
-            self._used_speed = False
+        for servo in self._servos:
+            if servo.id == packet.id and servo.family.framing is exchange.framing:
+                servo.alarms = exchange.alarms(packet)
 
-    def _wait_before(self, step: SetBaud | Pause) -> float:
-        """Seconds to wait before a step that is no exchange."""
-        changes = isinstance(step, SetBaud) and step.baud != self.transport.baud
-        return (self._sent_at if changes else self._clear_at) - self.transport.now()
 
-    def _patience_before(self, exchange: Exchange[Any]) -> float:
-        """Seconds to wait before a request. What can be asked again need not wait for the servos to forget."""
-        ready = self._clear_at if exchange.repeatable else max(self._clear_at, self._quiet_at)
-        return ready - self.transport.now()
-
-    def _second_try(self, exchange: Exchange[Any], error: BusError) -> float | None:
-        """Tell how long to wait before asking once more; None if the error stands."""
-        if not exchange.repeatable or isinstance(error, Refused):
-            return None
-        return self._quiet_at - self.transport.now()
-
-    def _judge(self, collector: Collector[T]) -> T:
-        """Turn what was collected into the result, or raise."""
-        if not collector.done:
-            collector.quiet()
-        if collector.echo is not None:
-            self.echo = collector.echo
-        exchange, packet = collector.exchange, collector.packet
-        if packet is not None and exchange.alarms is not None:
-            for servo in self._servos:
-                if servo.id == packet.id and servo.family.framing is exchange.framing:
-                    servo.alarms = exchange.alarms(packet)
-        return collector.result()
+_FAMILY_OF = {family.framing: family for family in models.FAMILIES.values()}

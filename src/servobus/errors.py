@@ -4,12 +4,17 @@
     ├── UsageError (ValueError)       what was asked makes no sense; nothing was sent
     │   ├── UnknownName (KeyError)    no such register, model, family or servo
     │   └── BadValue                  a value that the register or the move cannot take
-    ├── PortError (OSError)           the port cannot be opened, is in use, or went away
+    ├── PortError (OSError)           the port cannot be opened, is in use, or is closed
+    │   └── PortLost                  the port was open and went away: unplugged, hung up, or stuck
     └── BusError                      an exchange failed
         ├── NoReply (TimeoutError)    silence
         ├── Garbled                   bytes came, but no packet: wrong baud, noise, two servos at once
-        │   └── BadChecksum           a packet of the right shape that the checksum refuses
+        │   ├── BadChecksum           a packet of the right shape that the checksum refuses
+        │   └── ShortReply            the beginning of a packet
         ├── WrongReply                a good packet that does not answer what was asked
+        ├── DuplicateId               two answers to one question: two servos have one id
+        ├── BrokenEcho                the line gave back something else than was sent
+        ├── LineBusy                  bytes keep coming although nobody was asked
         ├── Refused                   the servo understood and said no
         ├── TorqueOff                 a move was asked of a servo without torque
         └── MoveTimeout               the servo did not arrive in time
@@ -39,7 +44,11 @@ class BadValue(UsageError):
 
 
 class PortError(ServobusError, OSError):
-    """The port cannot be opened, is in use, or went away."""
+    """The port cannot be opened, is in use, or is closed."""
+
+
+class PortLost(PortError):
+    """The port was open and went away: unplugged, hung up, or it takes no more bytes. `reopen` may find it again."""
 
 
 class BusError(ServobusError):
@@ -60,6 +69,22 @@ class Garbled(BusError):
 
 class BadChecksum(Garbled):
     """A packet of the right shape came, but its checksum is wrong."""
+
+
+class ShortReply(Garbled):
+    """A packet began well and ended too soon."""
+
+
+class DuplicateId(BusError):
+    """One question was answered twice: two servos have one id."""
+
+
+class BrokenEcho(BusError):
+    """The line gives back what is sent, but this time it gave back something else."""
+
+
+class LineBusy(BusError):
+    """Bytes keep coming although nobody was asked: another master, or noise."""
 
 
 class WrongReply(BusError):

@@ -14,8 +14,8 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Generic, TypeAlias, TypeVar
 
-from servobus.errors import BadChecksum, BusError, Garbled, NoReply, WrongReply
-from servobus.framing import Corrupt, Decoder, Event, Framing, Packet
+from servobus.errors import BadChecksum, BrokenEcho, BusError, DuplicateId, Garbled, NoReply, ShortReply, WrongReply
+from servobus.framing import INCOMPLETE, Corrupt, Decoder, Event, Framing, Noise, Packet
 
 T = TypeVar("T")
 
@@ -27,21 +27,33 @@ class Reply:
     id      the servo that must answer; None takes any (a broadcast that one servo answers)
     code    the command byte it must carry; None takes any (Dynamixel: it is the error byte)
     sizes   data lengths in bytes that can be an answer. The first is the full one; others are refusals.
+    starts  bytes with which a full answer begins: what it repeats of the question
     """
 
     id: int | None
     code: int | None
     sizes: tuple[int, ...]
+    starts: bytes = b""
 
     def fits(self, packet: Packet) -> bool:
+        data = packet.data
         return (
-            (self.id is None or packet.id == self.id)
+            (packet.id == self.id or self.id is None)
             and (self.code is None or packet.code == self.code)
-            and len(packet.data) in self.sizes
+            and (data.startswith(self.starts) if len(data) == self.sizes[0] else len(data) in self.sizes)
+        )
+
+    def mistakes(self, other: "Reply") -> bool:
+        """Tell whether a full answer of the other kind, if it came late, could be taken for this one."""
+        return (
+            (self.id == other.id or self.id is None or other.id is None)
+            and (self.code == other.code or self.code is None or other.code is None)
+            and self.sizes[0] == other.sizes[0]
+            and self.starts == other.starts
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Exchange(Generic[T]):
     """One request and its reply, as a value.
 
@@ -62,13 +74,16 @@ class Exchange(Generic[T]):
     alarms: Callable[[Packet], int] | None = None
     turnaround: float = 0.0
     repeatable: bool = False
+    id: int = field(init=False)
+    """The servo that is asked."""
+    reply_size: int = field(init=False)
+    """Longest reply in bytes on the wire."""
 
-    @property
-    def reply_size(self) -> int:
-        """Longest reply in bytes on the wire."""
-        if self.reply is None:
-            return 0
-        return self.framing.overhead + max(self.reply.sizes)
+    def __post_init__(self) -> None:
+        packet, _ = self.framing.unframe(self.request)
+        object.__setattr__(self, "id", packet.id)
+        size = 0 if self.reply is None else self.framing.overhead + max(self.reply.sizes)
+        object.__setattr__(self, "reply_size", size)
 
     def looks_like_its_reply(self) -> bool:
         """Tell whether the request could be taken for its own answer, so that an echo would be one.
@@ -88,12 +103,24 @@ class SetBaud:
 
 @dataclass(frozen=True, slots=True)
 class Pause:
-    """Step of a procedure: let this many seconds pass."""
+    """Step of a procedure: let this many seconds pass. `shared` lets others use the line meanwhile."""
 
     seconds: float
+    shared: bool = False
 
 
-Step: TypeAlias = Exchange[Any] | SetBaud | Pause
+@dataclass(frozen=True, slots=True)
+class Volley:
+    """Step of a procedure: several questions of one family, each sent before the answer to the last is in.
+
+    They keep so far apart that no two answers, or on one wire a question and an answer, can meet. The step
+    gives a list: for each exchange its result, or the BusError that came of it.
+    """
+
+    exchanges: Sequence[Exchange[Any]]
+
+
+Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Volley
 Procedure: TypeAlias = Generator[Step, Any, T]
 Job: TypeAlias = Exchange[T] | Procedure[T]
 
@@ -110,21 +137,23 @@ def sent(_: Packet) -> None:
     """Interpret a reply that only says that the request arrived."""
 
 
-@dataclass(slots=True)
 class Collector(Generic[T]):
     """Picks the reply to one exchange out of what is heard. No port, no clock.
 
-    `echo` tells whether the line gives back what was sent; None finds out from the first bytes.
+    `echo` tells whether the line gives back what was sent; None finds out from the first bytes. `sent` is what
+    was sent, if not just the request.
     """
 
-    exchange: Exchange[T]
-    echo: bool | None = False
-    packet: Packet | None = None
-    heard: bytearray = field(default_factory=bytearray)
-    _decoder: Decoder = field(init=False)
+    __slots__ = ("_decoder", "_seen", "_sent", "echo", "exchange", "heard", "packet")
 
-    def __post_init__(self) -> None:
-        self._decoder = Decoder(self.exchange.framing, self.exchange.reply_size)
+    def __init__(self, exchange: Exchange[T], echo: bool | None = False, sent: bytes = b"") -> None:
+        self.exchange = exchange
+        self.echo = echo
+        self._sent = sent or exchange.request
+        self.packet: Packet | None = None
+        self.heard = bytearray()
+        self._seen: list[Event] = []
+        self._decoder = Decoder(exchange.framing, exchange.reply_size)
 
     @property
     def done(self) -> bool:
@@ -132,25 +161,40 @@ class Collector(Generic[T]):
         if self.exchange.reply is not None:
             return self.packet is not None
         # Nothing answers; but an echo must be out of the way before the next request.
-        return self.echo is False or len(self.heard) >= len(self.exchange.request)
+        return self.echo is False or len(self.heard) >= len(self._sent)
+
+    @property
+    def strangers(self) -> list[Packet]:
+        """Good packets that are not the reply."""
+        return [event for event in self._seen if isinstance(event, Packet) and event is not self.packet]
+
+    @property
+    def corrupt(self) -> int:
+        """Count the packets with a wrong checksum."""
+        return sum(isinstance(event, Corrupt) for event in self._seen)
+
+    @property
+    def junk(self) -> int:
+        """Count the bytes that were no packet."""
+        return sum(len(event.raw) for event in self._seen if isinstance(event, Noise))
+
+    @property
+    def broken_echo(self) -> bool:
+        """Whether the line, known to give back what is sent, gave back something else."""
+        return self.echo is True and bool(self.heard) and not self.heard.startswith(self._sent)
 
     def feed(self, chunk: bytes) -> None:
         """Take bytes in; `done` turns true when the reply is among them."""
+        request, before = self._sent, len(self.heard)
         self.heard += chunk
-        if self.echo is not False:
-            request = self.exchange.request
-            ours = bytes(self.heard[: len(request)])
-            if self.echo is None and not request.startswith(ours):
-                self.echo = False
-                chunk = bytes(self.heard)
-            elif len(ours) < len(request):
-                return
-            else:
-                echoed = len(self.heard) - len(chunk) < len(request)
-                self.echo = True
-                if echoed:
-                    chunk = bytes(self.heard[len(request) :])
-        self._sort(self._decoder.feed(chunk))
+        if self.echo is None and not request.startswith(bytes(self.heard[: len(request)])):
+            self.echo = False
+            before = 0
+        if self.echo is False:
+            self._sort(self._decoder.feed(bytes(self.heard[before:])))
+        elif len(self.heard) >= len(request):
+            self.echo = True
+            self._sort(self._decoder.feed(bytes(self.heard[max(before, len(request)) :])))
 
     def quiet(self) -> None:
         """Say that nothing more comes: look through what is left."""
@@ -163,33 +207,157 @@ class Collector(Generic[T]):
 
     def result(self) -> T:
         """Interpret the reply. Raises Refused, or the BusError that says what went wrong instead."""
-        if self.exchange.reply is None:
+        if self.broken_echo:
+            raise self._broken_echo(bytes(self.heard[: len(self._sent)]))
+        reply = self.exchange.reply
+        if reply is None:
             return self.exchange.interpret(Packet(0, 0))
         if self.packet is None:
             raise self.failure()
+        if any(reply.fits(packet) for packet in self.strangers):
+            raise self.duplicate()
         return self.exchange.interpret(self.packet)
+
+    def duplicate(self) -> DuplicateId:
+        """Make the error for a question that was answered twice."""
+        id = self.packet.id if self.packet is not None else self.exchange.reply and self.exchange.reply.id
+        said = f"{self.exchange.what}: two answers came: two servos with id {id}?"
+        hint = "connect one of them alone and give it another id"
+        return DuplicateId(f"{said} If so, {hint}", bytes(self.heard))
 
     def failure(self) -> BusError:
         """Say what was heard instead of the reply."""
-        what, heard = self.exchange.what, bytes(self.heard)
-        if self.echo:
-            heard = heard[len(self.exchange.request) :]
-        events = self.exchange.framing.decode(heard)
-        if corrupt := [event for event in events if isinstance(event, Corrupt)]:
-            return BadChecksum(f"{what}: the reply's checksum is wrong ({_hex(corrupt[0].raw)})", heard)
+        exchange = self.exchange
+        what, request = exchange.what, self._sent
+        heard = bytes(self.heard[len(request) :] if self.echo else self.heard)
+        events = exchange.framing.decode(heard)
+        for event in events:
+            if isinstance(event, Corrupt):
+                if _differences(event.raw, request) in (1, 2):
+                    return self._broken_echo(event.raw)
+                said = f"the reply's checksum is wrong ({_hex(event.raw)}): noise, or two servos with one id?"
+                return BadChecksum(f"{what}: {said}", heard)
         if strangers := {event.id for event in events if isinstance(event, Packet)}:
             ids = ", ".join(map(str, sorted(strangers)))
             return WrongReply(f"{what}: an answer came that does not fit, from id {ids} ({_hex(heard)})", heard)
+        if short := _cut_short(exchange.framing, heard):
+            return ShortReply(f"{what}: the reply ends too soon ({_hex(heard)}, {short}): a byte was lost", heard)
         if heard:
             hint = "wrong baud, noise, or two servos with one id?"
             return Garbled(f"{what}: {len(heard)} bytes that are no packet ({_hex(heard)}): {hint}", heard)
         return NoReply(f"{what}: no reply")
+
+    def _broken_echo(self, heard: bytes) -> BrokenEcho:
+        said = f"{_hex(heard)} came back of {_hex(self._sent)}"
+        return BrokenEcho(
+            f"{self.exchange.what}: the echo is broken: {said}; a short circuit, or who else sends?", heard
+        )
 
     def _sort(self, events: Sequence[Event]) -> None:
         reply = self.exchange.reply
         for event in events:
             if isinstance(event, Packet) and self.packet is None and reply is not None and reply.fits(event):
                 self.packet = event
+        self._seen += events
+
+
+class Gathering:
+    """Sorts what is heard after several questions: whose answer is it? No port, no clock.
+
+    All questions are of one protocol. `echo` tells whether the line gives back what was sent.
+    """
+
+    def __init__(self, exchanges: Sequence[Exchange[Any]], *, echo: bool = False) -> None:
+        self.exchanges = exchanges
+        self.heard = bytearray()
+        self.strangers: list[Packet] = []
+        """Good packets that answer nothing that was asked."""
+        self.corrupt = 0
+        """Packets with a wrong checksum."""
+        self._packets: list[Packet | None] = [None] * len(exchanges)
+        self._doubled: set[int] = set()
+        self._echoes = [exchange.request for exchange in exchanges] if echo else []
+        self._decoder = Decoder(exchanges[0].framing, max(exchange.reply_size for exchange in exchanges))
+
+    @property
+    def open(self) -> list[Exchange[Any]]:
+        """Questions without an answer."""
+        return [one for one, packet in zip(self.exchanges, self._packets, strict=True) if packet is None]
+
+    @property
+    def done(self) -> bool:
+        return None not in self._packets
+
+    def feed(self, chunk: bytes) -> list[tuple[Exchange[Any], Packet]]:
+        """Take bytes in; give the answers that are complete now."""
+        self.heard += chunk
+        return self._sort(self._decoder.feed(chunk))
+
+    def results(self) -> list[Any]:
+        """Say that nothing more comes: give each exchange's result, or the BusError that came of it."""
+        self._sort(self._decoder.flush())
+        return [self._result(n) for n in range(len(self.exchanges))]
+
+    def _sort(self, events: Sequence[Event]) -> list[tuple[Exchange[Any], Packet]]:
+        answers = []
+        for event in events:
+            if isinstance(event, Corrupt):
+                self.corrupt += 1
+            if not isinstance(event, Packet):
+                continue
+            frame = self.exchanges[0].framing.frame(event)
+            if frame in self._echoes:
+                self._echoes.remove(frame)
+                continue
+            n = self._asked(event)
+            if n is None:
+                self.strangers.append(event)
+            elif self._packets[n] is None:
+                self._packets[n] = event
+                answers.append((self.exchanges[n], event))
+            else:
+                self._doubled.add(n)
+        return answers
+
+    def _asked(self, packet: Packet) -> int | None:
+        """Find the question that a packet answers: an open one, or else one that is answered already."""
+        fitting = [n for n, one in enumerate(self.exchanges) if one.reply is not None and one.reply.fits(packet)]
+        return next((n for n in fitting if self._packets[n] is None), fitting[0] if fitting else None)
+
+    def _result(self, n: int) -> Any:
+        exchange, packet = self.exchanges[n], self._packets[n]
+        collector = Collector(exchange)
+        collector.packet = packet
+        if n in self._doubled:
+            return collector.duplicate()
+        try:
+            if packet is not None:
+                return exchange.interpret(packet)
+        except BusError as error:
+            return error
+        if self.corrupt or self._noise():
+            hint = "or two servos with one id?"
+            return Garbled(f"{exchange.what}: no clear answer, while others were asked too: noise, {hint}")
+        return NoReply(f"{exchange.what}: no reply")
+
+    def _noise(self) -> bool:
+        return any(isinstance(event, Noise) for event in self.exchanges[0].framing.decode(bytes(self.heard)))
+
+
+def _cut_short(framing: Framing, heard: bytes) -> str:
+    """Say how much of a packet came, if what was heard is the beginning of one."""
+    start = heard.find(framing.header)
+    if start < 0:
+        return ""
+    have, size = len(heard) - start, framing.size(heard, start)
+    if size == INCOMPLETE:
+        return f"{have} bytes"
+    return f"{have} of {size} bytes" if have < size else ""
+
+
+def _differences(one: bytes, other: bytes) -> int:
+    """Count the bytes in which two runs of the same length differ; -1 if the lengths do."""
+    return sum(a != b for a, b in zip(one, other, strict=True)) if len(one) == len(other) else -1
 
 
 def _hex(data: bytes, most: int = 16) -> str:

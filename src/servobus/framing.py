@@ -58,6 +58,9 @@ class Framing(ABC):
     """Bytes of a frame that are not data: header, id, length, code and checksum."""
     max_size: int
     """Size of the longest packet in bytes, header included."""
+    filler: bytes = b""
+    """A byte that no servo takes for part of a packet, to send between packets while answers come in; none where
+    answers come over the same wire."""
 
     @abstractmethod
     def size(self, buffer: bytes | bytearray, at: int) -> int:
@@ -70,6 +73,13 @@ class Framing(ABC):
     @abstractmethod
     def unframe(self, raw: bytes) -> tuple[Packet, bool]:
         """Take a frame of the right size apart; the flag tells whether its checksum is right."""
+
+    def whole(self, raw: bytes) -> Packet | None:
+        """Give the packet if the bytes are one good packet and nothing else."""
+        if raw[:2] != self.header or self.size(raw, 0) != len(raw):
+            return None
+        packet, good = self.unframe(raw)
+        return packet if good else None
 
     def decode(self, stream: bytes) -> list[Event]:
         """Cut a whole recording into events."""

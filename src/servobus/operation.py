@@ -38,6 +38,7 @@ class Operation(Generic[P, T]):
 
     def __init__(self, build: Callable[Concatenate[Any, P], Job[T]]) -> None:
         self._build = build
+        self._name = build.__name__
         self.__doc__ = build.__doc__
 
     @overload
@@ -51,10 +52,18 @@ class Operation(Generic[P, T]):
     def __get__(self, owner: Any, kind: type) -> Any:
         if owner is None:
             return self
+        build = self._build
+        if isinstance(owner, (Blocking, Awaiting)):
 
-        def operation(*args: P.args, **kwargs: P.kwargs) -> Any:
-            job = self._build(owner, *args, **kwargs)
-            return owner.do(job) if isinstance(owner, Blocking | Awaiting) else job
+            def operation(*args: P.args, **kwargs: P.kwargs) -> Any:
+                return do(build(owner, *args, **kwargs))
+
+            do = owner.do
+        else:
+
+            def operation(*args: P.args, **kwargs: P.kwargs) -> Any:
+                return build(owner, *args, **kwargs)
 
         operation.__doc__ = self.__doc__
+        vars(owner)[self._name] = operation  # found there from now on, without coming here
         return operation

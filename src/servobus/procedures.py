@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from servobus import models
 from servobus.errors import BadValue, BusError, MoveTimeout, NoReply, TorqueOff, UsageError
-from servobus.exchange import Pause, Procedure, SetBaud, ask
+from servobus.exchange import Pause, Procedure, SetBaud, Volley, ask
 from servobus.families.base import Answers, Family, Identity, Leg, Model, Target
 from servobus.protocols.ids import LAST_ID, check_id
 from servobus.units import deg, show
@@ -143,7 +143,7 @@ def arrive(course: Course, *, timeout: float | None = None, tolerance: float = 3
     pace = 0.02
     left = course.duration + 2.0 if timeout is None else timeout
     head_start = min(course.duration, left)
-    yield Pause(head_start)
+    yield Pause(head_start, shared=True)
     left -= head_start
     for leg in course.legs:
         row = leg.target.model.register("present_position")
@@ -156,7 +156,7 @@ def arrive(course: Course, *, timeout: float | None = None, tolerance: float = 3
                 raise MoveTimeout(
                     f"{leg.target} is at {row.show(row.decode(raw))} and did not reach {row.show(row.decode(leg.goal))}"
                 )
-            yield Pause(pace)
+            yield Pause(pace, shared=True)
             left -= pace
 
 
@@ -211,9 +211,8 @@ class Survey:
     troubles: list[Trouble] = field(default_factory=list)
 
 
-QUIET = 0.21
-"""Seconds to wait after a change of speed: servos that took what they heard at the old one for the start of a
-packet forget it after this time at the latest (HerkuleX, Packet Garbage Check Period: 201.6 ms)."""
+AT_ONCE = 16
+"""Ids that a scan asks before it looks at the answers."""
 
 Watcher = Callable[[Progress], None]
 
@@ -234,22 +233,32 @@ def scan(
     done = 0
     for baud, family in sorted(rounds, key=lambda item: item[0]):
         yield SetBaud(baud)
-        yield Pause(QUIET)
-        for id in wanted:
-            done += 1
-            found = None
-            try:
-                # A scan mostly meets silence: it does not ask twice.
-                yield from ask(replace(family.ping(id), repeatable=False))
-                found = yield from _meet(family, id, baud)
-                survey.found.append(found)
-            except NoReply:
-                pass
-            except BusError as error:
-                survey.troubles.append(Trouble(family, id, baud, error))
-            if watch is not None:
-                watch(Progress(done, len(rounds) * len(wanted), family, baud, id, found))
+        for start in range(0, len(wanted), AT_ONCE):
+            some = wanted[start : start + AT_ONCE]
+            # A scan mostly meets silence: it does not ask twice, but where something was heard.
+            answers = yield Volley([replace(family.ping(id), repeatable=False) for id in some])
+            for id, answer in zip(some, answers, strict=True):
+                done += 1
+                found = None
+                if not isinstance(answer, NoReply):
+                    found = yield from _met(family, id, baud, survey)
+                if watch is not None:
+                    watch(Progress(done, len(rounds) * len(wanted), family, baud, id, found))
     return survey
+
+
+def _met(family: Family, id: int, baud: int, survey: Survey) -> Procedure[Found | None]:
+    """Look closer at what may have answered, and put it into the survey."""
+    try:
+        yield from ask(family.ping(id))
+        found = yield from _meet(family, id, baud)
+    except NoReply:
+        return None
+    except BusError as error:
+        survey.troubles.append(Trouble(family, id, baud, error))
+        return None
+    survey.found.append(found)
+    return found
 
 
 def _meet(family: Family, id: int, baud: int) -> Procedure[Found]:
@@ -321,7 +330,6 @@ def _answers(family: Family, id: int, baud: int | None = None, back: int | None 
     """Tell whether anybody answers to an id, however badly; at another speed if need be, and then back."""
     if baud is not None:
         yield SetBaud(baud)
-        yield Pause(QUIET)
     try:
         yield from ask(family.ping(id))
     except NoReply:
@@ -331,7 +339,6 @@ def _answers(family: Family, id: int, baud: int | None = None, back: int | None 
     finally:
         if back is not None:
             yield SetBaud(back)
-            yield Pause(QUIET)
     return True
 
 

@@ -5,13 +5,14 @@ out and gives the result, or an awaitable of it.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from enum import IntFlag
 from typing import Any, TypeVar
 
 from servobus import procedures
 from servobus.backup import Backup, backup, restore
 from servobus.errors import UsageError
-from servobus.exchange import Job, Procedure
+from servobus.exchange import Exchange, Job, Procedure
 from servobus.families.base import Answers, Family, Model, Target
 from servobus.operation import Operation
 from servobus.procedures import Course, State
@@ -34,6 +35,9 @@ class Servo:
         self.firmware = firmware
         self.state: State | None = None
         self.alarms: int = 0
+        self._asked: Target | None = None
+        self._questions: dict[Register[Any], Exchange[Any]] = {}
+        """Questions for single registers, made when first asked, for `_asked`."""
 
     @property
     def id(self) -> int:
@@ -63,10 +67,14 @@ class Servo:
     # Registers
 
     @Operation
-    def read(self, register: Register[T]) -> Procedure[T]:
+    def read(self, register: Register[T]) -> Job[T]:
         """Read one register, in its unit: `servo.read(RX28.present_position)` gives radians."""
-        values = yield from self.family.read(self.target, [self._own(register)])
-        return register.decode(values[0])
+        if self._asked is not self.target:
+            self._asked, self._questions = self.target, {}
+        question = self._questions.get(register)
+        if question is None:
+            question = self._questions[register] = self._question(self._own(register))
+        return question
 
     @Operation
     def read_many(self, registers: Sequence[Register[Any]]) -> Procedure[dict[str, Any]]:
@@ -214,6 +222,13 @@ class Servo:
         """Learn by what policy the servo answers now that it may have restarted."""
         identity = yield from procedures.identify_at(self.family, id, self.baud)
         self.target = Target(id, self.model, identity.answers)
+
+    def _question(self, register: Register[T]) -> Exchange[T]:
+        """Make the one exchange that reads one register."""
+        reading = self.family.reading(self.target, [register])
+        (exchange,), ((_, part, layout),) = reading.exchanges, reading.places
+        answer, unpack, decode = exchange.interpret, layout.unpack, register.decode
+        return replace(exchange, interpret=lambda packet: decode(unpack(answer(packet)[part])))  # type: ignore[arg-type, return-value] # an exchange of another result
 
     def _own(self, register: Register[T] | str) -> Register[T]:
         if isinstance(register, str):

@@ -26,6 +26,8 @@ from unit.scripted import Scripted
 TEMPERATURE = "FF FF 01 04 02 2B 01 CC"  # manual 3-5-1, Example 1
 ANSWER = "FF FF 01 03 00 20 DB"
 OK = "FF FF 01 02 00 FC"  # manual 3-5-5
+PING = "FF FF 01 02 01 FB"  # manual 3-5-5
+MODEL_BYTE = "FF FF 01 03 00 1C DF"  # 28, the low byte of the model number; ~(01+03+00+1C) = DF
 
 
 def bus_with(*script: str | None) -> tuple[Bus, Scripted]:
@@ -109,7 +111,7 @@ def test_junk_before_the_answer_does_not_swallow_it(junk: str) -> None:
 
 
 def test_left_over_bytes_do_not_answer_the_next_question() -> None:
-    bus, _ = bus_with(f"{ANSWER} {ANSWER}", None)
+    bus, _ = bus_with(f"{ANSWER} {ANSWER[:8]}", None, None)
     servo = bus.attach(RX28, 1)
     assert servo.read(RX28.present_temperature) == 32.0
     with pytest.raises(NoReply):
@@ -271,9 +273,9 @@ def test_each_servo_is_spoken_to_at_its_own_speed() -> None:
 
 class TestSecondTry:
     def test_a_lost_read_is_asked_once_more(self) -> None:
-        bus, port = bus_with(None, ANSWER)
+        bus, port = bus_with(None, OK, ANSWER)
         assert bus.attach(RX28, 1).read(RX28.present_temperature) == 32.0
-        assert port.requests == [TEMPERATURE, TEMPERATURE]
+        assert port.requests == [TEMPERATURE, PING, TEMPERATURE]  # PING shows that nothing can come late any more
 
     def test_and_only_once(self) -> None:
         bus, port = bus_with(None, None, ANSWER)
@@ -294,9 +296,10 @@ class TestSecondTry:
         assert len(port.requests) == 1
 
     def test_a_write_to_the_ram_is(self) -> None:
-        bus, port = bus_with(None, OK)
+        bus, port = bus_with(None, MODEL_BYTE, OK)
         bus.attach(RX28, 1).write(RX28.led, True)
-        assert port.requests == ["FF FF 01 04 03 19 01 DD"] * 2
+        led, model = "FF FF 01 04 03 19 01 DD", "FF FF 01 04 02 00 01 F7"
+        assert port.requests == [led, model, led]  # PING is answered like a write: a read is asked between
 
     def test_a_refusal_stands(self) -> None:
         bus, port = bus_with("FF FF 01 02 08 F4", OK)
@@ -305,14 +308,14 @@ class TestSecondTry:
         assert len(port.requests) == 1
 
     def test_after_a_change_of_speed_it_waits_until_servos_have_forgotten_half_a_packet(self) -> None:
-        bus, port = bus_with(None, ANSWER)
+        bus, port = bus_with(ANSWER)
         bus.attach(RX28, 1, baud=1_000_000).read(RX28.present_temperature)
         assert port.now() < 0.01  # nothing was sent at the first speed: nothing to forget
-        port.script = [OK, ANSWER, None, ANSWER]
+        port.script = [OK, ANSWER]
         bus.do(dynamixel1.ping(1), baud=57_600)
         bus[1].read(RX28.present_temperature)
         start = port.now()
-        port.script = [OK, None, ANSWER]
+        port.script = [OK, None, OK, ANSWER]
         bus.do(dynamixel1.ping(1), baud=57_600)
         assert bus[1].read(RX28.present_temperature) == 32.0
         assert port.now() - start > 0.2016  # Packet Garbage Check Period, HerkuleX manual 4-2 NO 35

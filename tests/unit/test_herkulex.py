@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from servobus.errors import BadValue, NoReply, Refused, UsageError, WrongReply
+from servobus.errors import BadValue, NoReply, Refused, UsageError
 from servobus.exchange import Collector, Exchange, Pause, Procedure
 from servobus.families.base import Answers, Identity, Leg, Target
 from servobus.framing import Corrupt, Decoder, Noise, Packet
@@ -300,9 +300,11 @@ def test_a_refused_read_says_why() -> None:
     assert caught.value.flags == 8
 
 
-def test_an_answer_about_another_address_is_wrong() -> None:
-    with pytest.raises(WrongReply, match="2 bytes from address 58"):
-        herkulex.ram_read(5, 60, 2).interpret(Packet(5, 0x44, b"\x3a\x02\x00\x40\x00\x00"))
+def test_an_answer_about_another_address_is_no_answer() -> None:
+    reply = herkulex.ram_read(5, 60, 2).reply
+    assert reply is not None
+    assert reply.fits(Packet(5, 0x44, b"\x3c\x02\x00\x40\x00\x00"))
+    assert not reply.fits(Packet(5, 0x44, b"\x3a\x02\x00\x40\x00\x00"))
 
 
 def test_a_write_with_an_old_error_is_no_failure() -> None:

@@ -11,9 +11,9 @@ from enum import IntEnum
 from typing import Any, ClassVar, TypeVar
 
 from servobus.errors import BadValue, UsageError
-from servobus.exchange import Exchange, Procedure
+from servobus.exchange import Exchange, Procedure, ask
 from servobus.framing import Framing, Packet
-from servobus.registers import Register, RegisterMap
+from servobus.registers import Int, Register, RegisterMap
 
 T = TypeVar("T")
 
@@ -129,6 +129,19 @@ class Leg:
     """s, more than 0"""
 
 
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """Registers to read: what is asked for them, and where each stands in the answers."""
+
+    exchanges: tuple[Exchange[bytes], ...]
+    places: tuple[tuple[int, slice, Int], ...]
+    """Of each register: which answer, which of its bytes, how they are laid out."""
+
+    def values(self, answers: Sequence[bytes]) -> list[int]:
+        """Give the raw values, in the order of the registers."""
+        return [layout.unpack(answers[n][part]) for n, part, layout in self.places]
+
+
 class Family(ABC):
     """One family of servos: its packets and its verbs. Stateless; one instance serves all."""
 
@@ -152,11 +165,19 @@ class Family(ABC):
     def identify(self, id: int) -> Procedure[Identity]:
         """Ask a servo who it is. Raises NoReply if nobody is there."""
 
+    @abstractmethod
+    def markers(self, id: int) -> Sequence[Exchange[Any]]:
+        """Give harmless questions, at least three, none of whose answers can be mistaken for another's."""
+
     # Registers, raw
 
     @abstractmethod
+    def reading(self, target: Target, registers: Sequence[Register[Any]]) -> Reading:
+        """Tell what to ask for these registers: as few exchanges as the family allows."""
+
     def read(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
-        """Read raw values, in as few exchanges as the family allows."""
+        """Read raw values."""
+        return fetch(self.reading(target, registers))
 
     @abstractmethod
     def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
@@ -244,6 +265,14 @@ class Family(ABC):
         """
 
 
+def fetch(reading: Reading) -> Procedure[list[int]]:
+    """Ask for registers; gives their raw values."""
+    answers: list[bytes] = []
+    for exchange in reading.exchanges:
+        answers += [(yield from ask(exchange))]
+    return reading.values(answers)
+
+
 def check_output(output: float) -> float:
     """Give a share of full output back, or raise BadValue."""
     if not -1 <= output <= 1:
@@ -268,6 +297,11 @@ def blocks(spans: Iterable[tuple[int, int]], *, gap: int, longest: int) -> list[
                 continue
         joined.append((address, size))
     return joined
+
+
+def within(spans: Sequence[tuple[int, int]], address: int) -> tuple[int, int]:
+    """Find the block that holds an address: its number, and how far into it the address is."""
+    return next((n, address - start) for n, (start, size) in enumerate(spans) if start <= address < start + size)
 
 
 def adjacent(parts: Mapping[int, bytes]) -> list[tuple[int, bytes]]:

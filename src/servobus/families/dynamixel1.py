@@ -11,12 +11,14 @@ from servobus.families.base import (
     Identity,
     Leg,
     Model,
+    Reading,
     Stance,
     Target,
     adjacent,
     blocks,
     cannot,
     check_output,
+    within,
 )
 from servobus.families.words import addressed, id_list, servo, show_bytes, show_span, show_values
 from servobus.framing import Packet
@@ -69,19 +71,22 @@ class Dynamixel1(Family):
             return Identity(None, "", Answers.NOTHING)
         return Identity(int.from_bytes(data[:2], "little"), str(data[2]), Answers(min(data[16], 2)))
 
-    def read(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+    def markers(self, id: int) -> Sequence[Exchange[Any]]:
+        """PING, and reads of different lengths: a status packet tells nothing of the question but its length."""
+        return (ping(id), *(read_data(id, 0, length) for length in (1, 3, 5, 7)))
+
+    def reading(self, target: Target, registers: Sequence[Register[Any]]) -> Reading:
         if target.answers is Answers.NOTHING:
             raise cannot(target, "be read", "its Status Return Level is 0; write status_return_level first")
-        image: dict[int, int] = {}
-        spans = ((_address(register), register.layout.size) for register in registers)
         # A second exchange costs 14 bytes of frames and the return delay: rather bridge a gap as wide.
-        for address, size in blocks(spans, gap=16, longest=RX_BUFFER - 6):
-            data = yield from ask(read_data(target.id, address, size))
-            image.update(enumerate(data, address))
-        return [
-            register.layout.unpack(bytes(image[_address(register) + i] for i in range(register.layout.size)))
-            for register in registers
-        ]
+        spans = blocks(
+            ((_address(register), register.layout.size) for register in registers), gap=16, longest=RX_BUFFER - 6
+        )
+        places = []
+        for register in registers:
+            n, at = within(spans, _address(register))
+            places.append((n, slice(at, at + register.layout.size), register.layout))
+        return Reading(tuple(read_data(target.id, *span) for span in spans), tuple(places))
 
     def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
         parts = {_address(register): register.layout.pack(raw) for register, raw in values.items()}

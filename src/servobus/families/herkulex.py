@@ -15,11 +15,14 @@ from servobus.families.base import (
     Identity,
     Leg,
     Model,
+    Reading,
     Stance,
     Target,
     adjacent,
     blocks,
     cannot,
+    fetch,
+    within,
 )
 from servobus.families.words import addressed, servo, show_bytes, show_span, show_values
 from servobus.framing import Packet
@@ -107,13 +110,17 @@ class Herkulex(Family):
         # Version bytes 00 90 read as "0.90": an assumption, the manual does not say how they are written.
         return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", Answers(min(policy[0], 2)))
 
-    def read(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+    def markers(self, id: int) -> Sequence[Exchange[Any]]:
+        """STAT, and reads: an ACK tells command, address and length of its request."""
+        return (stat(id), ram_read(id, 0, 1), eep_read(id, 0, 1), ram_read(id, 0, 2))
+
+    def reading(self, target: Target, registers: Sequence[Register[Any]]) -> Reading:
         """Read from RAM what RAM has, the rest from EEP."""
-        return (yield from _fetch(target, registers, [_acting(row) for row in registers]))
+        return _reading(target, registers, [_acting(row) for row in registers])
 
     def read_stored(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
         """Read from EEP what EEP has, the rest from RAM."""
-        return (yield from _fetch(target, registers, [_kept(row) or _acting(row) for row in registers]))
+        return fetch(_reading(target, registers, [_kept(row) or _acting(row) for row in registers]))
 
     def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Write to RAM what RAM has, the rest to EEP, where it acts after the next start."""
@@ -285,22 +292,26 @@ def _kept(register: Register[Any]) -> _Spot | None:
     return (Area.EEPROM, place.eep) if isinstance(place, Eep | EepRam) else None
 
 
-def _fetch(target: Target, registers: Sequence[Register[Any]], spots: Sequence[_Spot]) -> Procedure[list[int]]:
-    """Read registers from the spots given, in few exchanges."""
+def _reading(target: Target, registers: Sequence[Register[Any]], spots: Sequence[_Spot]) -> Reading:
+    """Tell what to ask for registers that stand at the spots given."""
     if target.answers is Answers.NOTHING:
         raise cannot(target, "be read", "its ACK Policy is 0; write ack_policy first")
     wanted = list(zip(registers, spots, strict=True))
-    image: dict[_Spot, int] = {}
-    for area, reading in ((Area.RAM, ram_read), (Area.EEPROM, eep_read)):
-        spans = [(address, row.layout.size) for row, (home, address) in wanted if home is area]
+    exchanges: list[Exchange[bytes]] = []
+    found: dict[_Spot, tuple[int, int]] = {}
+    for area, read in ((Area.RAM, ram_read), (Area.EEPROM, eep_read)):
+        inside = [(address, row.layout.size) for row, (home, address) in wanted if home is area]
         # A second exchange costs 20 bytes, request and frame of the ACK: rather bridge a gap of that size.
-        for start, size in blocks(spans, gap=20, longest=MAX_DATA - 4):
-            data = yield from ask(reading(target.id, start, size))
-            image.update(((area, address), byte) for address, byte in enumerate(data, start))
-    return [
-        row.layout.unpack(bytes(image[area, address + i] for i in range(row.layout.size)))
-        for row, (area, address) in wanted
-    ]
+        spans = blocks(inside, gap=20, longest=MAX_DATA - 4)
+        for address, _ in inside:
+            n, at = within(spans, address)
+            found[area, address] = len(exchanges) + n, at
+        exchanges += [read(target.id, *span) for span in spans]
+    places = []
+    for row, spot in wanted:
+        n, at = found[spot]
+        places.append((n, slice(at, at + row.layout.size), row.layout))
+    return Reading(tuple(exchanges), tuple(places))
 
 
 def _send(target: Target, parts: Iterable[tuple[_Spot, bytes]]) -> Procedure[None]:

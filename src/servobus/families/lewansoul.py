@@ -5,7 +5,7 @@ from typing import Any
 
 from servobus.errors import BadValue, UsageError
 from servobus.exchange import Exchange, Pause, Procedure, ask, sent
-from servobus.families.base import Answers, Family, Identity, Leg, Model, Stance, Target, cannot, check_output
+from servobus.families.base import Answers, Family, Identity, Leg, Model, Reading, Stance, Target, cannot, check_output
 from servobus.families.words import addressed, show_value
 from servobus.framing import Packet
 from servobus.protocols.ids import check_id
@@ -57,12 +57,16 @@ class Lewansoul(Family):
         yield from ask(self.ping(id))
         return Identity(None, "", Answers.READS)
 
-    def read(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+    def markers(self, id: int) -> Sequence[Exchange[Any]]:
+        """Any questions: an answer tells the command it answers."""
+        codes = (Command.SERVO_ID_READ, Command.SERVO_LED_CTRL_READ, Command.SERVO_LED_ERROR_READ)
+        return [_parameters(id, code) for code in codes]
+
+    def reading(self, target: Target, registers: Sequence[Register[Any]]) -> Reading:
         """Ask each read command once, however many of the registers stand in its answer."""
-        answers: dict[int, bytes] = {}
-        for code in dict.fromkeys(_pair(register).read for register in registers):
-            answers[code] = yield from ask(_parameters(target.id, code))
-        return [register.layout.unpack(answers[_pair(register).read][_bytes(register)]) for register in registers]
+        codes = list(dict.fromkeys(_pair(register).read for register in registers))
+        places = tuple((codes.index(_pair(row).read), _bytes(row), row.layout) for row in registers)
+        return Reading(tuple(_parameters(target.id, code) for code in codes), places)
 
     def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Send each command once; parameters that are not given are read first and sent back unchanged."""

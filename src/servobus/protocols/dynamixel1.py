@@ -9,7 +9,7 @@ The two directions have the same frame; only context tells an instruction packet
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum, IntFlag
 from typing import TypeAlias, TypeVar
 
@@ -206,12 +206,17 @@ def parse_status(packet: Packet) -> Status:
 # Native operations
 
 
-def _alarms(packet: Packet) -> int:
-    return packet.code & ALARMS
+_ALARM_BITS = int(ALARMS)
+_NONE = Error(0)
+
+
+def _alarms(packet: Packet) -> Error:
+    bits = packet.code & _ALARM_BITS
+    return Error(bits) if bits else _NONE  # making flags costs time, and mostly there are none
 
 
 def _refusal(what: str, packet: Packet) -> None:
-    error = Error(packet.code) & ~ALARMS
+    error = Error(packet.code & ~_ALARM_BITS)
     if error:
         reasons = {
             Error.RANGE: "a value or address is out of range, or the table is locked",
@@ -244,8 +249,8 @@ LONGEST_DELAY = 254 * 2e-6
 
 
 def ping(id: int) -> Exchange[None]:
-    """PING: always answered, except to the broadcast id (3-5-5, ED-19)."""
-    return _exchange(f"PING id {id}", Ping(id), answered=id != BROADCAST, repeatable=True)
+    """PING: always answered, except to the broadcast id (3-5-5, ED-19). Any answer will do: somebody is there."""
+    return replace(_exchange(f"PING id {id}", Ping(id), answered=id != BROADCAST, repeatable=True), interpret=sent)
 
 
 def read_data(id: int, address: int, length: int) -> Exchange[bytes]:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from typing import TypeAlias, TypeVar
 
-from servobus.errors import BadValue, Refused, WrongReply
+from servobus.errors import BadValue, Refused
 from servobus.exchange import Exchange, Reply, sent
 from servobus.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.protocols.ids import BROADCAST, check_id
@@ -135,6 +135,7 @@ class HerkulexFraming(Framing):
     header = b"\xff\xff"
     overhead = 7
     max_size = overhead + MAX_DATA  # EH-01
+    filler = b"\x00"  # the line is full duplex (2-3), and a packet begins with FF
 
     def size(self, buffer: bytes | bytearray, at: int) -> int:
         if len(buffer) - at < 3:
@@ -457,20 +458,24 @@ def _reading(message: EepRead | RamRead) -> Exchange[bytes]:
     what = f"{code.name} id {message.id}, address {address}, {length} bytes"
 
     def interpret(packet: Packet) -> bytes:
-        ack = parse_ack(packet)
-        if not ack.data:
+        if len(packet.data) <= 2:
+            ack = parse_ack(packet)
             said = f"{show_flags(ack.status_error)}; {show_flags(ack.status_detail)}"
             raise Refused(f"{what}: refused, {said}", ack.status_error)
-        if ack.data[:2] != bytes((address, length)):
-            raise WrongReply(f"{what}: {ack.data[1]} bytes from address {ack.data[0]} came back", packet.data)
-        return ack.data[2:]
+        return packet.data[2:-2]
 
     # Address and length come back before the data. A refusal brings the status alone (assumption, EH-33).
-    return exchange(what, message, interpret, Reply(message.id, code | ACK, (length + 4, 2)))
+    return exchange(
+        what, message, interpret, Reply(message.id, code | ACK, (length + 4, 2), starts=bytes((address, length)))
+    )
+
+
+_NONE = StatusError(0)
 
 
 def _alarms(packet: Packet) -> StatusError:
-    return StatusError(packet.data[-2])
+    bits = packet.data[-2]
+    return StatusError(bits) if bits else _NONE  # making flags costs time, and mostly there are none
 
 
 def show_flags(flags: IntFlag) -> str:

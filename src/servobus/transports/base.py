@@ -3,6 +3,8 @@
 import time
 from abc import ABC, abstractmethod
 
+from servobus.errors import PortError
+
 
 class Transport(ABC):
     """A byte stream with a speed and a clock.
@@ -19,22 +21,30 @@ class Transport(ABC):
 
     @abstractmethod
     def write(self, data: bytes) -> None:
-        """Send bytes. Raises PortError if the port is gone."""
+        """Send bytes. Raises PortLost if the port is gone."""
 
     @abstractmethod
     def read(self, timeout: float) -> bytes:
         """Give what has arrived; wait up to `timeout` seconds for the first byte. Empty means silence.
 
-        Raises PortError if the port is gone.
+        Raises PortLost if the port is gone.
         """
 
     @abstractmethod
     def set_baud(self, baud: int) -> None:
-        """Talk at this speed, bit/s, from now on. Raises PortError if the port cannot."""
+        """Talk at this speed, bit/s, from now on. Raises PortError if the port cannot, PortLost if it is gone."""
 
     @abstractmethod
     def close(self) -> None:
         """Give the port back. May be called twice."""
+
+    def reopen(self) -> None:
+        """Open the port again, at the same speed, after it was lost or closed. Raises PortError if it is not there."""
+        raise PortError(f"{self.name} cannot be opened again")
+
+    def pending(self) -> bool:
+        """Tell whether bytes may have arrived that nobody has read; True where only reading tells."""
+        return True
 
     def fileno(self) -> int | None:
         """Give a descriptor that turns readable when bytes arrive, or None if there is no such thing."""
@@ -42,6 +52,10 @@ class Transport(ABC):
 
     def blocking(self) -> bool:
         """Tell whether `read` may take real time, so that an event loop must not call it directly."""
+        return True
+
+    def pending(self) -> bool:
+        """Tell at little cost whether bytes may have arrived that nobody has read; True means better look."""
         return True
 
     def discard(self) -> bytes:

@@ -71,6 +71,9 @@ class VirtualPort(Transport):
     def close(self) -> None:
         self._open = False
 
+    def reopen(self) -> None:
+        self._open = True
+
     def blocking(self) -> bool:
         return self._real
 

@@ -1,0 +1,543 @@
+"""One port, less the waiting: when to send, how long to listen, and what may still be coming.
+
+`Link` carries out the steps of a job as generators of waits; a driver only lets time pass, blocking or
+awaiting. Five rules keep it from ever giving a wrong answer:
+
+- An answer is taken only if it fits the question, and comes in its time.
+- After any trouble nothing is sent until the line is quiet.
+- An answer that did not come may come late: an adapter or a computer that stalled delivers all at once, in order.
+  So before the same kind of question is asked again, another one whose answer cannot be mistaken is asked
+  (a marker). When that is answered, everything before it has come or never will.
+- What comes back of our own is an echo, or broken, never an answer.
+- A second answer to one question is told: two servos have one id.
+"""
+
+from collections.abc import Callable, Generator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, TypeAlias, TypeVar
+
+from servobus.errors import BrokenEcho, BusError, DuplicateId, LineBusy, NoReply, Refused
+from servobus.exchange import Collector, Exchange, Gathering, Job, Pause, Reply, SetBaud, Step, Volley, sent
+from servobus.framing import Framing, Noise, Packet
+from servobus.protocols.ids import BROADCAST
+from servobus.stats import Stats
+from servobus.transports.base import Transport
+
+T = TypeVar("T")
+
+BITS_PER_BYTE = 10
+"""Start bit, eight data bits, stop bit: 8N1, as all three families use."""
+FORGOTTEN = 0.21
+"""s after a change of speed in which servos that took what they heard at the old one for the start of a packet
+forget it (HerkuleX, Packet Garbage Check Period: 201.6 ms)."""
+SLOW = 1.03
+"""A servo's speed may be 3 % off (RX-28 manual 3-4-1)."""
+TRIES = 2
+"""How often a question is asked at most."""
+DEADLINE = 0.5
+"""s after which a question is not asked again."""
+APART = 0.002
+"""s that questions on a shared wire keep from each other beyond their answers: assumption, USB adapters send in
+frames of 1 ms, so that two requests can come closer by one."""
+MARGIN = 2
+"""Bytes between two answers that come in while questions go out; assumption."""
+DEPTH = 32
+"""Questions under way at once, at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Listen:
+    """Wait: up to this many seconds for bytes; the generator is sent what came."""
+
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """Wait: let this many seconds pass. `shared` lets others use the line meanwhile."""
+
+    seconds: float
+    shared: bool = False
+
+
+Waits: TypeAlias = Generator[Listen | Rest, bytes, T]
+
+MISSED: Final = object()
+"""What `quick` gives where a longer look is needed."""
+
+
+class Latency:
+    """How much later than the wire allows answers come: learned from those that come.
+
+    `patience` is how long to wait for one: twice the worst of the last some hundred, and SPARE; as long as
+    few have come, at least the transport's own guess.
+    """
+
+    SPARE = 0.004
+    FLOOR = 0.010
+    """s; assumption: a computer that does other things as well may look that late."""
+    ENOUGH = 50
+
+    def __init__(self, transport: Transport) -> None:
+        self._transport = transport
+        self._peak = 0.0
+        self._known = 0
+
+    @property
+    def patience(self) -> float:
+        guess = self._transport.latency
+        learned = 2 * self._peak + self.SPARE
+        return max(learned, min(guess, self.FLOOR)) if self._known > self.ENOUGH else max(guess, learned)
+
+    def note(self, late: float) -> None:
+        """Learn from an answer that came this many seconds later than the wire allows."""
+        self._known += 1
+        self._peak = max(late, 0.998 * self._peak)
+
+
+@dataclass(frozen=True, slots=True)
+class _Lost:
+    """An answer that was given up and may still come."""
+
+    reply: Reply
+    request: bytes
+    due: float
+    """Time at which it should have come."""
+
+
+class Link:
+    """A port in use: its speed, its echo, its delays, and what may still be under way on it.
+
+    heard    is told of every reply, for the alarms in it
+    markers  gives harmless questions to a servo whose answers differ in shape
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        *,
+        echo: bool | None,
+        heard: Callable[[Exchange[Any], Packet], None],
+        markers: Callable[[Framing, int], Sequence[Exchange[Any]]],
+    ) -> None:
+        self.transport = transport
+        self.echo = echo
+        """Whether the adapter gives back what it sends; None as long as that is not known."""
+        self.stats = Stats()
+        self.latency = Latency(transport)
+        self._heard, self._markers = heard, markers
+        self._lost: dict[int | None, list[_Lost]] = {}
+        """Answers that may come late, by the id they would come from."""
+        self._doubled: dict[int, DuplicateId] = {}
+        """Second answers that were found too late to tell who had asked."""
+        self._unquiet = False
+        """Whether bytes may be coming that nobody waits for."""
+        self._answered: Exchange[Any] | None = None
+        self._alarming: set[int] = set()
+        """Ids whose last reply had an alarm in it."""
+        self._trouble = 0
+        """Grows where several questions under way at once did not all come through."""
+        self._used_speed = False
+        """Whether anything was sent since the speed last changed."""
+        self._quiet_at = 0.0
+        """Time at which every servo has forgotten what it heard at another speed."""
+        self._clear_at = 0.0
+        """Time at which the last of our bytes has left."""
+        self._sent_at = 0.0
+        """Time from which on a change of speed cannot spoil them any more."""
+        self._deadline = 0.0
+
+    # Whole jobs
+
+    def run(self, job: Job[T]) -> Waits[T]:
+        """Carry out a job."""
+        if isinstance(job, Exchange):
+            return (yield from self.carry(job))
+        try:
+            step = next(job)
+            while True:
+                try:
+                    result = yield from self._step(step)
+                except BusError as error:
+                    step = job.throw(error)
+                else:
+                    step = job.send(result)
+        except StopIteration as stop:
+            done: T = stop.value
+            return done
+        finally:
+            job.close()
+
+    def _step(self, step: Step) -> Waits[Any]:
+        if isinstance(step, Exchange):
+            return (yield from self.carry(step))
+        if isinstance(step, Volley):
+            return (yield from self._volley(step.exchanges))
+        if isinstance(step, SetBaud):
+            yield from self.set_baud(step.baud)
+        else:
+            yield from self._pause(step)
+        return None
+
+    def set_baud(self, baud: int) -> Waits[None]:
+        """Talk at this speed from now on, if need be after our last bytes have left."""
+        transport = self.transport
+        if baud == transport.baud:
+            return
+        yield from self._until(self._sent_at)
+        transport.set_baud(baud)
+        if self._used_speed:
+            # Servos hear what is sent at another speed as garbage. One that took it for the start of a packet
+            # misses the next request, until it has been quiet for a while.
+            self._quiet_at = transport.now() + FORGOTTEN
+            self._used_speed = False
+
+    def _pause(self, pause: Pause) -> Waits[None]:
+        yield from self._until(self._clear_at)
+        baud = self.transport.baud
+        yield Rest(pause.seconds, pause.shared)
+        if pause.shared:  # others may have used the line at their own speed
+            yield from self.set_baud(baud)
+
+    def _until(self, moment: float) -> Waits[None]:
+        if (seconds := moment - self.transport.now()) > 0:
+            yield Rest(seconds)
+
+    # The shortest way: a calm line, one write, one read
+
+    def begin(self, exchange: Exchange[Any]) -> bool:
+        """Send at once, if nothing stands against it; then read, and see whether `quick` can do with that."""
+        transport = self.transport
+        if (
+            self.echo is not False
+            or self._unquiet
+            or not exchange.repeatable
+            or exchange.reply is None
+            or (self._lost and self._suspects(exchange))
+            or self._doubled
+            or transport.pending()
+        ):
+            return False
+        if transport.now() < self._clear_at:
+            return False
+        self._send(exchange, exchange.request)
+        return True
+
+    def quick(self, exchange: Exchange[T], chunk: bytes) -> T | object:
+        """Give the result if what came is the answer and nothing else; MISSED if it takes more than a look."""
+        packet = exchange.framing.whole(chunk)
+        reply = exchange.reply
+        if packet is None or reply is None or not reply.fits(packet) or chunk == exchange.request:
+            return MISSED
+        self._accept(exchange, packet, len(chunk))
+        return exchange.interpret(packet)
+
+    @property
+    def window(self) -> float:
+        """Seconds left in which the answer to what was sent may come."""
+        return self._deadline - self.transport.now()
+
+    def give_up(self, exchange: Exchange[Any]) -> None:
+        """Say that nobody waits for the answer any more: it may still come."""
+        self._lose(exchange)
+
+    # One exchange
+
+    def carry(self, exchange: Exchange[T], begun: bytes | None = None) -> Waits[T]:
+        """Ask, and ask again where that is allowed. `begun` is what was heard if it is sent already."""
+        started = self.transport.now()
+        first: BusError | None = None
+        for attempt in range(TRIES):
+            if attempt:
+                self.stats[exchange.id].retries += 1
+                yield from self._until(self._quiet_at)
+            try:
+                return (yield from self._attempt(exchange, begun))
+            except (Refused, DuplicateId):
+                raise
+            except BusError as error:
+                if first is None or not isinstance(error, NoReply):
+                    first = error  # of two errors, silence says less
+                if not exchange.repeatable or self.transport.now() - started > DEADLINE:
+                    break
+                begun = None
+        assert first is not None
+        raise first
+
+    def _attempt(self, exchange: Exchange[T], begun: bytes | None = None) -> Waits[T]:
+        transport = self.transport
+        request = exchange.request
+        if begun is None:
+            yield from self._ready(exchange)
+            if self.echo is None and exchange.looks_like_its_reply():
+                # Before such a request goes a byte that servos skip: if it comes back, the rest is an echo too.
+                request = b"\x00" + request
+            self._send(exchange, request)
+        collector = Collector(exchange, self.echo, request)
+        chunk = begun or b""
+        try:
+            while True:
+                if chunk:
+                    collector.feed(chunk)
+                left = self._deadline - transport.now()
+                if collector.done or left <= 0:
+                    break
+                chunk = yield Listen(left)
+        except BaseException:
+            self._lose(exchange)  # who asked gave up: the answer may still come
+            raise
+        if exchange.reply is not None and (collector.packet is None or collector.broken_echo):
+            self._lose(exchange)
+        return self._judge(collector)
+
+    def _ready(self, exchange: Exchange[Any]) -> Waits[None]:
+        """Wait until nothing stands against sending, and nothing that comes can be mistaken for the answer."""
+        # What can be asked again need not wait for the servos to forget.
+        yield from self._until(self._clear_at if exchange.repeatable else max(self._clear_at, self._quiet_at))
+        if leftover := self.transport.discard():
+            self._sort(leftover, exchange.framing)
+            self._unquiet = True
+        if self._unquiet:
+            yield from self._drain(exchange)
+        if (error := self._doubled.pop(exchange.id, None)) is not None:
+            raise error
+        if suspects := self._suspects(exchange):
+            yield from self._mark(exchange, suspects)
+
+    def _send(self, exchange: Exchange[Any], request: bytes) -> None:
+        """Send, and work out when to give up."""
+        transport = self.transport
+        self._used_speed = True
+        self.stats[exchange.id].sent += 1
+        now = transport.now()
+        transport.write(request)
+        byte_time = BITS_PER_BYTE / transport.baud
+        self._clear_at = self._sent_at = max(now, self._clear_at) + len(request) * byte_time
+        if exchange.reply is not None:
+            longest = SLOW * (exchange.turnaround + exchange.reply_size * byte_time)
+            self._deadline = self._clear_at + longest + self.latency.patience
+        else:
+            # Where nothing answers nobody tells when the adapter has really sent it.
+            self._sent_at += transport.latency
+            self._deadline = self._clear_at if self.echo is False else self._sent_at
+
+    def _judge(self, collector: Collector[T]) -> T:
+        """Turn what was collected into the result, or raise."""
+        exchange, packet = collector.exchange, collector.packet
+        counts = self.stats[exchange.id]
+        if not collector.done:
+            collector.quiet()
+        if self.echo is False and collector.heard.startswith(exchange.request) and exchange.looks_like_its_reply():
+            self.echo, packet = None, None
+            error: BusError | None = BrokenEcho(f"{exchange.what}: the line echoes what is sent; it did not before")
+        else:
+            self.echo = collector.echo if collector.echo is not None else self.echo
+            error = None
+        counts.checksum += collector.corrupt
+        counts.junk += collector.junk
+        for stranger in collector.strangers:
+            self._stray(stranger)
+        if packet is not None:
+            self._accept(exchange, packet, exchange.framing.overhead + len(packet.data))
+        try:
+            if error is not None:
+                raise error
+            return collector.result()
+        except BusError as error:
+            counts.timeouts += isinstance(error, NoReply)
+            counts.echo += isinstance(error, BrokenEcho)
+            counts.doubled += isinstance(error, DuplicateId)
+            self._unquiet = self._unquiet or not isinstance(error, NoReply | Refused)
+            raise
+
+    def _accept(self, exchange: Exchange[Any], packet: Packet, size: int) -> None:
+        """Take note of an answer."""
+        id = packet.id
+        now = self.transport.now()
+        late = now - self._clear_at - size * BITS_PER_BYTE / self.transport.baud
+        counts = self.stats[id]
+        counts.received += 1
+        counts.worst = max(counts.worst, late)
+        self.latency.note(late)
+        self._answered = exchange
+        if self._lost:
+            self._settle(id, exchange)
+        if exchange.alarms is not None and (exchange.alarms(packet) or id in self._alarming):
+            self._alarming.add(id)
+            self._heard(exchange, packet)
+
+    # What may still come
+
+    def _lose(self, exchange: Exchange[Any]) -> None:
+        """Remember an answer that did not come, and may come late."""
+        reply = exchange.reply
+        if reply is None:
+            return
+        lost = self._lost.setdefault(reply.id, [])
+        if not any(old.reply == reply and old.request == exchange.request for old in lost):
+            lost.append(_Lost(reply, exchange.request, self._clear_at))
+
+    def _suspects(self, exchange: Exchange[Any]) -> list[_Lost]:
+        """Give the late answers that could be mistaken for the answer to this question."""
+        reply = exchange.reply
+        if reply is None or not self._lost:
+            return []
+        lost = self._lost.get(reply.id, []) + (self._lost.get(None, []) if reply.id is not None else [])
+        # Whether somebody is there may be told by an older answer as well.
+        same = exchange.request if exchange.interpret is sent else None
+        return [old for old in lost if reply.mistakes(old.reply) and old.request != same]
+
+    def _mark(self, exchange: Exchange[Any], suspects: Sequence[_Lost]) -> Waits[None]:
+        """Ask something else, whose answer ends all doubts about what comes late."""
+        id = exchange.id
+        patience = self.latency.patience
+        for marker in self._markers(exchange.framing, id) if id != BROADCAST else ():
+            shape = marker.reply
+            every = (*suspects, *self._lost.get(id, ()), *self._lost.get(None, ()))
+            if shape is None or any(shape.mistakes(old.reply) for old in every):
+                continue
+            try:
+                yield from self._attempt(marker)
+            except NoReply as error:
+                if self.latency.patience <= patience:
+                    raise NoReply(f"{exchange.what}: no reply", error.heard) from None
+                patience = self.latency.patience  # what came late has taught us to wait longer
+            else:
+                return
+        # Nothing is left to ask that could not be mistaken: nobody has answered for long. Begin anew.
+        for key in (id, None):
+            self._lost.pop(key, None)
+
+    def _settle(self, id: int, exchange: Exchange[Any]) -> None:
+        """Forget what cannot come any more now that this servo has answered a later question."""
+        reply = exchange.reply
+        for key in (id, None):
+            if key in self._lost and reply is not None:
+                self._lost[key] = [old for old in self._lost[key] if reply.mistakes(old.reply)]
+                if not self._lost[key]:
+                    del self._lost[key]
+
+    def _stray(self, packet: Packet) -> None:
+        """Take note of a packet that is no answer to what was asked: a late one, or a stranger's."""
+        counts = self.stats[packet.id]
+        for key in (packet.id, None):
+            for old in self._lost.get(key, ()):
+                if old.reply.fits(packet):
+                    self._lost[key].remove(old)
+                    if not self._lost[key]:
+                        del self._lost[key]
+                    counts.late += 1
+                    self.latency.note(self.transport.now() - old.due)
+                    return
+        counts.strangers += 1
+
+    def _sort(self, leftover: bytes, framing: Framing) -> None:
+        """Look through bytes that came when nobody waited for any."""
+        last = self._answered
+        for event in (last.framing if last is not None else framing).decode(leftover):
+            if isinstance(event, Packet):
+                known = any(old.reply.fits(event) for old in self._lost.get(event.id, ()))
+                if last is not None and last.reply is not None and last.reply.fits(event) and not known:
+                    self.stats[event.id].doubled += 1
+                    collector = Collector(last)
+                    collector.feed(leftover)
+                    self._doubled[event.id] = collector.duplicate()
+                else:
+                    self._stray(event)
+            elif isinstance(event, Noise):
+                self.stats[BROADCAST].junk += len(event.raw)
+
+    def _drain(self, exchange: Exchange[Any]) -> Waits[None]:
+        """Listen until the line is quiet. Raises LineBusy if it never is."""
+        gap = min(self.latency.patience, 0.005)
+        give_up = self.transport.now() + 0.25
+        heard = bytearray()
+        while chunk := (yield Listen(gap)):
+            heard += chunk
+            if self.transport.now() > give_up:
+                said = f"{len(heard)} bytes came in 0.25 s although nobody was asked: another master, or noise?"
+                raise LineBusy(f"{exchange.what}: not sent, the line is never quiet: {said}", bytes(heard))
+        if heard:
+            self._sort(bytes(heard), exchange.framing)
+        self._unquiet = False
+
+    # Several at once
+
+    def _volley(self, exchanges: Sequence[Exchange[Any]]) -> Waits[list[Any]]:
+        results: list[Any] = []
+        rest = list(exchanges)
+        while rest:
+            if self.echo is None or self._trouble > 8 or self._suspects(rest[0]):
+                results.append((yield from self._caught(rest.pop(0))))
+                self._trouble = max(0, self._trouble - 1)
+                continue
+            depth = next((n for n, one in enumerate(rest) if self._suspects(one)), DEPTH)
+            salvo, rest = rest[: min(depth, DEPTH)], rest[min(depth, DEPTH) :]
+            results += yield from self._salvo(salvo)
+        return results
+
+    def _caught(self, exchange: Exchange[Any]) -> Waits[Any]:
+        try:
+            return (yield from self.carry(exchange))
+        except BusError as error:
+            return error
+
+    def _salvo(self, exchanges: Sequence[Exchange[Any]]) -> Waits[list[Any]]:
+        """Send several questions without waiting for each answer; ask again singly what did not come through."""
+        yield from self._ready(replace(exchanges[0], repeatable=False))
+        gathering = Gathering(exchanges, echo=self.echo is True)
+        try:
+            if exchanges[0].framing.filler:
+                yield from self._stream(gathering)
+            else:
+                yield from self._space(gathering)
+        except BaseException:
+            for exchange in gathering.open:
+                self._lose(exchange)
+            raise
+        results = gathering.results()
+        for stranger in gathering.strangers:
+            self._stray(stranger)
+        failed = [n for n, result in enumerate(results) if isinstance(result, BusError)]
+        for n in failed:
+            self._lose(exchanges[n])
+            self._unquiet = self._unquiet or not isinstance(results[n], NoReply)
+        again = [n for n in failed if exchanges[n].repeatable and not isinstance(results[n], DuplicateId)]
+        self._trouble = self._trouble + 4 * len(again) if again else max(0, self._trouble - 1)
+        for n, exchange in enumerate(exchanges):
+            counts = self.stats[exchange.id]
+            counts.timeouts += isinstance(results[n], NoReply)
+            counts.checksum += isinstance(results[n], BusError) and gathering.corrupt > 0
+        for n in again:
+            self.stats[exchanges[n].id].retries += 1
+            results[n] = yield from self._caught(exchanges[n])
+        return results
+
+    def _stream(self, gathering: Gathering) -> Waits[None]:
+        """Full duplex: bytes that no servo takes for a packet keep the questions as far apart as the answers need."""
+        exchanges = gathering.exchanges
+        data = bytearray()
+        for exchange in exchanges:
+            apart = max(len(exchange.request), exchange.reply_size + MARGIN)
+            data += exchange.request + exchange.framing.filler * (apart - len(exchange.request))
+            self.stats[exchange.id].sent += 1
+        self._send(exchanges[-1], bytes(data))
+        self.stats[exchanges[-1].id].sent -= 1
+        yield from self._gather(gathering, self._deadline)
+
+    def _space(self, gathering: Gathering) -> Waits[None]:
+        """One wire: each question waits until the answer to the last must have left the servo, not until it is here."""
+        byte_time = BITS_PER_BYTE / self.transport.baud
+        for exchange in gathering.exchanges:
+            yield from self._until(self._clear_at)
+            self._send(exchange, exchange.request)
+            answered = SLOW * (exchange.turnaround + exchange.reply_size * byte_time)
+            yield from self._gather(gathering, self._clear_at + answered + APART, exchange)
+        yield from self._gather(gathering, self._deadline)
+
+    def _gather(self, gathering: Gathering, until: float, wanted: Exchange[Any] | None = None) -> Waits[None]:
+        while not gathering.done and (left := until - self.transport.now()) > 0:
+            if wanted is not None and wanted not in gathering.open:
+                return
+            for exchange, packet in gathering.feed((yield Listen(left))):
+                self._accept(exchange, packet, exchange.framing.overhead + len(packet.data))
