@@ -7,7 +7,7 @@ faster than real time, and twice the same is the same to the byte.
 import math
 import time
 
-from servobus.errors import BadValue, PortError
+from servobus.errors import BadValue, PortError, PortLost
 from servobus.transports.base import Transport
 from servobus.virtual.drawer import Drawer, open_drawer
 from servobus.virtual.faults import Faults
@@ -72,7 +72,9 @@ class VirtualPort(Transport):
         self._open = False
 
     def reopen(self) -> None:
-        self._open = True
+        self._gone, self._open = False, True
+        self._check()
+        self.drawer.receive(self.now())  # what came meanwhile came to nobody
 
     def blocking(self) -> bool:
         return self._real
@@ -101,10 +103,10 @@ class VirtualPort(Transport):
     def _check(self) -> None:
         if not self._open:
             raise PortError(f"{self.name} is closed")
-        # What was open when the port went away stays dead, even if the port comes back.
+        # What was open when the port went away stays dead until it is opened again, even if the port comes back.
         self._gone = self._gone or self.drawer.gone(self.now())
         if self._gone:
-            raise PortError(f"{self.name} is gone, as the faults asked for")
+            raise PortLost(f"{self.name} is gone, as the faults asked for")
 
 
 def connect(spec: str) -> VirtualPort:
