@@ -13,6 +13,7 @@ from servobus.virtual.drawer import Drawer, open_drawer
 from servobus.virtual.faults import Faults
 from servobus.virtual.servo import VirtualServo
 from servobus.virtual.spec import parse_url
+from servobus.virtual.uart import EPSILON
 
 GRAIN = 200e-6
 """s; on the real clock bytes that arrive within this time of each other are handed over in one piece."""
@@ -60,6 +61,8 @@ class VirtualPort(Transport):
             if now >= deadline:
                 return b""
             look = self.drawer.next_look(GRAIN if self._real else math.inf)
+            if look is not None and -math.inf < look <= now:
+                look = max(now + EPSILON, math.nextafter(now, math.inf))  # after months a bit time is a rounding error
             now = self._wait_until(deadline if look is None else min(look, deadline))
 
     def set_baud(self, baud: int) -> None:

@@ -240,6 +240,14 @@ def test_latency_hands_over_a_piece_at_a_time() -> None:
     assert timed(port("latency=16ms")) == [(BEGIN + BYTE_BACK + 0.016, PONG)]
 
 
+def test_reading_ends_where_rounding_is_as_long_as_a_bit() -> None:
+    client = port("split=0.5:1ms")
+    client.sleep(56490591.1)  # 650 days: a clock of 64 bits has steps of 7 ns there
+    start = client.now()
+    assert sum(ask(client)[:2] == b"\xff\xff" for _ in range(50)) >= 40
+    assert client.now() - start > 50 * QUIET
+
+
 def test_jitter_is_drawn_for_each_reply() -> None:
     client, waits = port("latency=2ms,jitter=4ms"), []
     for _ in range(200):
