@@ -12,6 +12,7 @@ from servobus.cli.show import Show
 from servobus.cli.virtual_console import VirtualConsole, listen
 from servobus.errors import BadValue
 from servobus.virtual.drawer import open_drawer
+from servobus.virtual.faults import KINDS, NO_FAULTS, SETTINGS, Faults, explain
 from servobus.virtual.motor import NOTHING, Load
 from servobus.virtual.ports import serve_pty, serve_tcp
 from servobus.virtual.spec import Setup, parse_load, parse_specs
@@ -26,12 +27,27 @@ class LoadType(click.ParamType[Load]):
         return value if isinstance(value, Load) else parse_load(str(value))
 
 
+class FaultsType(click.ParamType[Faults]):
+    """What goes wrong on the line, as people type it; `help` lists what there is and ends the command."""
+
+    name = "faults"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Faults:  # noqa: ARG002
+        if isinstance(value, Faults):
+            return value
+        if value == "help" and ctx is not None:
+            click.echo(explain())
+            ctx.exit()
+        return Faults.parse(str(value))
+
+
 @verb(
     "virtual",
     "servobus virtual rx28@1-4,7",
     "servobus virtual lx16a@1,2 --pty /tmp/arm --state arm.json",
     "servobus virtual drs0602@219 --tcp 127.0.0.1:3333",
     "servobus virtual rx28@1-4 --load mass=0.2,length=0.1 --show",
+    "servobus virtual rx28@1-4 --faults seed=7,drop=0.01,stall=0.001:120ms",
     "",
     "and then, in another terminal:",
     "servobus scan /tmp/arm",
@@ -58,6 +74,15 @@ class LoadType(click.ParamType[Load]):
     show_default=False,
     help="What hangs on every shaft: mass=KG,length=M for an arm, inertia=KGM2, torque=NM, blocked.",
 )
+@click.option(
+    "--faults",
+    type=FaultsType(),
+    metavar="SPEC",
+    default=NO_FAULTS,
+    show_default=False,
+    help=f"What goes wrong, such as seed=7,drop=0.01,flip@12#5. There are {', '.join(KINDS)}, and "
+    f"{', '.join(SETTINGS)}; `--faults help` explains them.",
+)
 @click.option("--show", is_flag=True, help="Show every servo in a live table. Needs a terminal.")
 def virtual(
     specs: tuple[str, ...],
@@ -70,6 +95,7 @@ def virtual(
     supply_resistance: float | None,
     motor: str | None,
     load: Load,
+    faults: Faults,
     show: bool,
 ) -> None:
     """Be servos on a pseudo terminal, which any program opens like a serial port, until interrupted.
@@ -95,6 +121,7 @@ def virtual(
         motor=motor,
         supply_resistance=supply_resistance,
         load=load,
+        faults=faults,
     )
     address = _address(tcp) if tcp else None
     stop = stop_on_signals()
@@ -118,6 +145,8 @@ def virtual(
             shown.join()
     if sys.stderr.isatty():
         note("")  # the terminal shows ^C
+    if counts := drawer.fault_counts:
+        note("faults: " + ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items())))
 
 
 def _ready(name: str) -> None:

@@ -5,10 +5,11 @@ goes to all of them, and what they answer comes back in the order of time.
 """
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 
 from servobus.errors import UsageError
+from servobus.virtual.faults import NO_FAULTS, Faults, Injected
 from servobus.virtual.line import VirtualLine
 from servobus.virtual.motion import Rail
 from servobus.virtual.servo import ROOM_TEMPERATURE, VirtualServo, virtual_servo
@@ -23,6 +24,7 @@ class Drawer:
         if not lines:
             raise UsageError("a drawer needs at least one line")
         self.lines = list(lines)
+        self.faults = NO_FAULTS
         self._tasks: deque[Callable[[float], None]] = deque()
 
     @property
@@ -86,6 +88,26 @@ class Drawer:
             return event
         return max(event, min(event + grain, arrival))
 
+    def inject(self, faults: Faults | str | None, now: float) -> None:
+        """Let these faults happen from now on, instead of any others; None mends everything. Raises BadValue."""
+        self.faults = Faults.parse(faults) if isinstance(faults, str) else faults or NO_FAULTS
+        for line in self.lines:
+            line.inject(self.faults, now)
+
+    @property
+    def injected(self) -> list[Injected]:
+        """The latest faults that have happened since the last call of `inject`, in the order of time."""
+        return sorted((one for line in self.lines for one in line.injected), key=lambda one: one.time)
+
+    @property
+    def fault_counts(self) -> Counter[str]:
+        """Kind of fault -> how often it has happened since the last call of `inject`."""
+        return sum((line.fault_counts for line in self.lines), Counter())
+
+    def gone(self, now: float) -> bool:
+        """Tell whether the client's port is gone."""
+        return any(line.gone(now) for line in self.lines)
+
     def run(self, now: float) -> None:
         """Let everything on the wires happen up to now; servos live on when they are spoken to or looked at."""
         for line in self.lines:
@@ -115,7 +137,9 @@ def open_drawer(setup: Setup) -> Drawer:
         if setup.baud is not None:
             servo.store_baud(setup.baud)
         families.setdefault(servo.model.family.name, []).append(servo)
-    return Drawer([VirtualLine(line, echo=setup.echo, supply=_supply(setup, line)) for line in families.values()])
+    drawer = Drawer([VirtualLine(line, echo=setup.echo, supply=_supply(setup, line)) for line in families.values()])
+    drawer.inject(setup.faults, 0.0)
+    return drawer
 
 
 def _supply(setup: Setup, servos: Sequence[VirtualServo]) -> Rail | None:

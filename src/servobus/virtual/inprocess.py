@@ -7,11 +7,13 @@ faster than real time, and twice the same is the same to the byte.
 import math
 import time
 
-from servobus.errors import BadValue, PortError
+from servobus.errors import BadValue, PortError, PortLost
 from servobus.transports.base import Transport
 from servobus.virtual.drawer import Drawer, open_drawer
+from servobus.virtual.faults import Faults
 from servobus.virtual.servo import VirtualServo
 from servobus.virtual.spec import parse_url
+from servobus.virtual.uart import EPSILON
 
 GRAIN = 200e-6
 """s; on the real clock bytes that arrive within this time of each other are handed over in one piece."""
@@ -24,11 +26,11 @@ class VirtualPort(Transport):
         self.name = name
         self.drawer = drawer
         self._real = real
-        # A servo may be 3 % slower than the client believes; on the real clock whoever waits may be woken late.
-        self.latency = 0.005 if real else 0.001
+        self._tell_latency()
         self._now = 0.0
         self._started = time.monotonic()
         self._open = True
+        self._gone = False
         self.set_baud(drawer.default_baud)
 
     @property
@@ -37,20 +39,30 @@ class VirtualPort(Transport):
         self.drawer.advance(self.now())
         return self.drawer.servos
 
+    def inject(self, faults: Faults | str | None) -> None:
+        """Let these faults happen from now on; None mends everything. Raises BadValue."""
+        self.drawer.inject(faults, self.now())
+        self._tell_latency()
+
     def write(self, data: bytes) -> None:
         self._check()
         self.drawer.send(data, self.now())
+        self._check()
 
     def read(self, timeout: float) -> bytes:
         self._check()
         now = self.now()
         deadline = now + timeout
         while True:
-            if data := self.drawer.receive(now):
+            data = self.drawer.receive(now)
+            self._check()
+            if data:
                 return data
             if now >= deadline:
                 return b""
             look = self.drawer.next_look(GRAIN if self._real else math.inf)
+            if look is not None and -math.inf < look <= now:
+                look = max(now + EPSILON, math.nextafter(now, math.inf))  # after months a bit time is a rounding error
             now = self._wait_until(deadline if look is None else min(look, deadline))
 
     def set_baud(self, baud: int) -> None:
@@ -63,7 +75,9 @@ class VirtualPort(Transport):
         self._open = False
 
     def reopen(self) -> None:
-        self._open = True
+        self._gone, self._open = False, True
+        self._check()
+        self.drawer.receive(self.now())  # what came meanwhile came to nobody
 
     def blocking(self) -> bool:
         return self._real
@@ -82,9 +96,20 @@ class VirtualPort(Transport):
         self._now = max(self._now, moment)
         return self._now
 
+    def _tell_latency(self) -> None:
+        # A servo may be 3 % slower than the client believes; on the real clock whoever waits may be woken late.
+        own = 0.005 if self._real else 0.001
+        self.latency = (
+            own + self.drawer.faults.latency + self.drawer.faults.jitter
+        )  # so much an adapter's settings tell
+
     def _check(self) -> None:
         if not self._open:
             raise PortError(f"{self.name} is closed")
+        # What was open when the port went away stays dead until it is opened again, even if the port comes back.
+        self._gone = self._gone or self.drawer.gone(self.now())
+        if self._gone:
+            raise PortLost(f"{self.name} is gone, as the faults asked for")
 
 
 def connect(spec: str) -> VirtualPort:

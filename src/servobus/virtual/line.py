@@ -14,11 +14,14 @@ that did would keep two servos of one id answering each other's answers for ever
 
 import bisect
 import math
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 
 from servobus.errors import UsageError
 from servobus.framing import Corrupt, Decoder, Framing, Noise, Packet
 from servobus.protocols.ids import BROADCAST
+from servobus.virtual.faults import Faults, Injected
+from servobus.virtual.injector import Injector
 from servobus.virtual.motion import Rail
 from servobus.virtual.servo import VirtualServo
 from servobus.virtual.uart import BITS, EPSILON, Receiver, Run, Wave
@@ -59,6 +62,7 @@ class VirtualLine:
         self._arrived: list[Run] = []
         self._groups: dict[tuple[float, float], _Group] = {}
         self._group_of: dict[VirtualServo, _Group] = {}
+        self._injector: Injector | None = None
         self.regroup()
 
     @property
@@ -82,9 +86,13 @@ class VirtualLine:
         start = max(now, self._client_busy_until)
         wave = Wave(start, baud, bytes(data), None, plain=self.client_baud is None)
         self._client_busy_until = wave.end
-        _put(self._to_servos, wave)
-        if self.echo:
-            _put(self._to_client, wave)
+        heard, echoed = [wave], [wave] if self.echo else []
+        if self._injector:
+            heard, echoed = self._injector.send(wave, echo=self.echo)
+        for part in heard:
+            _put(self._to_servos, part)
+        if echoed:
+            _put(self._to_client, echoed[0])
         elif not self.family.full_duplex:
             self._client.since = max(self._client.since, wave.end)
 
@@ -105,11 +113,15 @@ class VirtualLine:
             times.append(self.now)
         elif (first := self._first_arrival()) is not None:
             times.append(first)
+        if self._injector and (time := self._injector.next_event(self.now)) is not None:
+            times.append(time)
         return min(times, default=None)
 
     def next_arrival(self) -> float | None:
         """Give the time at which the client has the last of the bytes that now come one behind the other."""
         arriving = self._client.next_run(self._to_client)
+        if arriving and self._injector:
+            return self._injector.together(arriving)
         return arriving.end if arriving else None
 
     def _first_arrival(self) -> float | None:
@@ -118,14 +130,56 @@ class VirtualLine:
             return None
         return arriving.start + (arriving.end - arriving.start) / len(arriving.data)
 
+    # What goes wrong
+
+    def inject(self, faults: Faults, now: float) -> None:
+        """Let these faults happen from now on, instead of any others; what they hold back is lost."""
+        self.run(now)
+        self._injector = Injector(faults, self, self._to_client, now) if faults else None
+        self.regroup()
+
+    @property
+    def injected(self) -> Sequence[Injected]:
+        """The latest faults that have happened since the last call of `inject`."""
+        return self._injector.log if self._injector else ()
+
+    @property
+    def fault_counts(self) -> Counter[str]:
+        """Kind of fault -> how often it has happened since the last call of `inject`."""
+        return self._injector.counts if self._injector else Counter()
+
+    def gone(self, now: float) -> bool:
+        """Tell whether the client's port is gone."""
+        return self._injector is not None and self._injector.gone(now)
+
+    def unplug(self, servos: Iterable[VirtualServo], now: float) -> None:
+        """Take the supply from servos. What they were going to say stays unsaid."""
+        self._live(now)
+        for servo in servos:
+            servo.advance(now)
+            servo.power_off()
+            for waves in (self._to_servos, self._to_client):
+                waves[:] = [wave for wave in waves if wave.sender is not servo or wave.start < now]
+
+    def plug(self, servos: Iterable[VirtualServo], now: float) -> None:
+        """Give servos their supply again."""
+        self._live(now)
+        for servo in servos:
+            servo.power_on(now)
+            self._busy.pop(servo, None)
+            self._place(servo)
+
     # Time
 
     def run(self, now: float) -> None:
         """Let everything up to now happen."""
-        while due := min(self._due(), key=_time_of, default=None):
-            time, group, run = due
-            if time > now + EPSILON:
+        while True:
+            due = min(self._due(), key=_time_of, default=None)
+            if self._injector and self._injector.change(min(due[0] - EPSILON, now) if due else now):
+                continue
+            if due is None or due[0] > now + EPSILON:
                 break
+            time, group, run = due
             self._live(time)
             if run is None:
                 self._drop(group, time)
@@ -133,7 +187,12 @@ class VirtualLine:
                 self._hear(group, run)
         while run := self._client.next_run(self._to_client, until=now):
             self._client.since = run.resume
-            self._arrived.append(run)
+            if self._injector:
+                self._injector.take(run)
+            else:
+                self._arrived.append(run)
+        if self._injector:
+            self._arrived += self._injector.due(now)
         self._live(now)
         if self._to_servos:
             _forget(self._to_servos, min(group.receiver.since for group in self._groups.values()), now)
@@ -193,7 +252,7 @@ class VirtualLine:
         for servo in group.called(packet.id):
             if not servo.powered or servo.deaf_until > begin:
                 continue
-            baud = servo.baud  # a new speed acts after the reply
+            baud = self._speed(servo)  # a new speed acts after the reply
             servo.advance(time)
             for delay, data in servo.hear(event, time):
                 self._reply(servo, baud, time + delay, data)
@@ -202,7 +261,8 @@ class VirtualLine:
     def _reply(self, servo: VirtualServo, baud: float, time: float, data: bytes) -> None:
         wave = Wave(max(time, self._busy.get(servo, time)), baud, data, servo)
         self._busy[servo] = wave.end
-        _put(self._to_client, wave)
+        for part in self._injector.reply(wave) if self._injector else (wave,):
+            _put(self._to_client, part)
         if not self.family.full_duplex:
             _put(self._to_servos, wave)
 
@@ -214,9 +274,13 @@ class VirtualLine:
                 servo.garbage(time)
                 self._place(servo)
 
+    def _speed(self, servo: VirtualServo) -> float:
+        """Give a servo's speed as its own clock makes it, bit/s."""
+        return servo.baud * self._injector.skew(servo) if self._injector else servo.baud
+
     def _place(self, servo: VirtualServo) -> None:
         """Put a servo into the group that listens as it does."""
-        key = (servo.baud, servo.garbage_timeout)
+        key = (self._speed(servo), servo.garbage_timeout)
         old = self._group_of.get(servo)
         if old is not None and old.key == key:
             old.rename(servo)

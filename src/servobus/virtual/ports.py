@@ -64,6 +64,9 @@ class Port(ABC):
         started = time.monotonic()
         while not stop.is_set():
             now = time.monotonic() - started
+            if self.drawer.gone(now):
+                self._stay_away(stop, started)
+                continue
             if replies := self.drawer.receive(now):
                 self._send(replies)
             look = self.drawer.next_look(GRAIN)
@@ -72,6 +75,15 @@ class Port(ABC):
                 self.drawer.send(data, time.monotonic() - started)
             elif look is None:
                 self._keep_up(time.monotonic() - started)
+
+    def _stay_away(self, stop: threading.Event, started: float) -> None:
+        """Be no port, as the faults ask for, and then another one under the same name. Raises PortError."""
+        self.__exit__()
+        while self.drawer.gone(time.monotonic() - started):
+            if stop.wait(PULSE):
+                return
+        self.drawer.receive(time.monotonic() - started)  # for nobody
+        self.__enter__()
 
     def _keep_up(self, now: float) -> None:
         """While nothing is on the wire, let servos live up to now: who is asked next need not catch up first."""
@@ -118,6 +130,7 @@ class Terminal:
             self._master, slave = os.openpty()
         except OSError as error:
             raise PortError(f"no pseudo terminal: {error.strerror or error}; use --tcp") from error
+        self._client = False
         stack.callback(os.close, self._master)
         stack.callback(os.close, slave) if not _TELLS_LEAVING else None
         os.set_blocking(self._master, False)
@@ -214,7 +227,8 @@ class TcpPort(Port):
             raise PortError(f"cannot listen on {host} port {port}: {error}") from error
         stack.callback(self._leave)
         shown = f"[{host}]" if ":" in host else host
-        self.name = f"socket://{shown}:{self._listener.getsockname()[1]}"
+        self._address = host, self._listener.getsockname()[1]
+        self.name = f"socket://{shown}:{self._address[1]}"
 
     def _wait(self, timeout: float) -> bytes:
         waiting = self._client or self._listener

@@ -18,6 +18,7 @@ from servobus.errors import BadValue, UsageError
 from servobus.families.base import Model
 from servobus.protocols.ids import LAST_ID, check_id
 from servobus.units import Switch, parse
+from servobus.virtual.faults import NO_FAULTS, Faults
 from servobus.virtual.motor import NOTHING, Load
 
 Servos: TypeAlias = list[tuple[type[Model], list[int]]]
@@ -52,6 +53,7 @@ class Setup:
     supply_resistance
                  ohm between the supply and all servos of a line, which then share it; None: it is not felt
     load         what hangs on every shaft at the start
+    faults       what goes wrong between the servos and the client
 
     Raises BadValue for a supply or a temperature that makes no sense.
     """
@@ -66,6 +68,7 @@ class Setup:
     motor: str | None = None
     supply_resistance: float | None = None
     load: Load = NOTHING
+    faults: Faults = NO_FAULTS
 
     def __post_init__(self) -> None:
         if self.voltage is not None:
@@ -140,9 +143,11 @@ def _option(name: str, value: str) -> object:
             return parse(value, "ohm")
         case "load":
             return parse_load(value)
+        case "faults":
+            return Faults.parse(value)
     raise UsageError(
         f"{name}={value}: options are clock, echo, baud, voltage, temperature, state=FILE, motor=NAME, "
-        "supply_resistance and load"
+        "supply_resistance, load and faults"
     )
 
 

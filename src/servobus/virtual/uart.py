@@ -50,6 +50,8 @@ class Wave:
     sender: object = None
     """The servo that sends; None for the client."""
     plain: bool = False
+    note: object = None
+    """What whoever put it on the wire wants to know when its bytes arrive."""
     end: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -104,6 +106,10 @@ class Run:
     resume: float
     from_servo: bool
     """Whether any of it was sent by a servo."""
+    wave: Wave | None = None
+    """What these bytes are a part of; None if they were read off a wire with several senders, or at another speed."""
+    at: int = 0
+    """Index of the first of them in the wave."""
 
 
 class Receiver:
@@ -134,7 +140,7 @@ class Receiver:
                 stop = min(stop, index + limit)
             if stop > index:
                 end = wave.time(stop)
-                return Run(wave.data[index:stop], wave.time(index), end, end, wave.sender is not None)
+                return Run(wave.data[index:stop], wave.time(index), end, end, wave.sender is not None, wave, index)
             if until <= alone_until:
                 return None
         return self._sample(active, until)

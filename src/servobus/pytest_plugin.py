@@ -1,0 +1,81 @@
+"""Virtual servos for the tests of other projects; pytest finds this module by itself.
+
+    virtual_bus     makes an open `Bus` of virtual servos, on a virtual clock
+    virtual_port    makes a port that any program can open: a pseudo terminal, or a TCP port
+
+Both close behind the test what they made for it. Nothing of servobus's virtual servos is imported before that.
+"""
+
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+import pytest
+
+if TYPE_CHECKING:
+    from servobus.bus import Bus
+    from servobus.virtual.faults import Faults
+    from servobus.virtual.ports import Port
+
+PATIENCE = 5.0
+"""s that a port may take to end."""
+
+
+@pytest.fixture
+def virtual_bus() -> "Iterator[Callable[..., Bus]]":
+    """Make buses of virtual servos: `virtual_bus("rx28@1-4", faults="drop=0.01")`.
+
+    Other keywords are the options of a virtual port, such as `echo=True` or `voltage=12`. The clock is virtual unless
+    `clock="real"`: time passes only while the test waits for the bus. `bus.transport.inject(SPEC)` changes the faults
+    later on, `bus.transport.servos` are the servos, `bus.transport.now()` is their time.
+    """
+    from servobus.bus import Bus  # noqa: PLC0415 - here and below: only who uses it waits for it
+    from servobus.virtual.inprocess import connect  # noqa: PLC0415
+
+    with ExitStack() as stack:
+
+        def make(servos: str, *, faults: "Faults | str | None" = None, **options: object) -> "Bus":
+            port = connect(_url(servos, {"clock": "virtual"} | options))
+            port.inject(faults)
+            return stack.enter_context(Bus(port))
+
+        yield make
+
+
+@pytest.fixture
+def virtual_port() -> Iterator[Callable[..., str]]:
+    """Serve virtual servos to other programs: `virtual_port("rx28@1-4")` gives the path of a pseudo terminal.
+
+    With `tcp=True`, and on Windows always, it is a TCP port, as `socket://127.0.0.1:12345`. Other keywords are `faults`
+    and the options of a virtual port. The clock is the real one.
+    """
+    from servobus.virtual.drawer import open_drawer  # noqa: PLC0415
+    from servobus.virtual.ports import PtyPort, TcpPort  # noqa: PLC0415
+    from servobus.virtual.spec import parse_url  # noqa: PLC0415
+
+    with ExitStack() as stack:
+
+        def make(servos: str, *, tcp: bool = False, faults: "Faults | str | None" = None, **options: object) -> str:
+            drawer = open_drawer(parse_url(_url(servos, options)))
+            drawer.inject(faults, 0.0)
+            port: Port = TcpPort(drawer) if tcp or sys.platform == "win32" else PtyPort(drawer)
+            stack.enter_context(port)
+            stop = threading.Event()
+            server = threading.Thread(target=port.serve, args=[stop], name=port.name, daemon=True)
+            server.start()
+            stack.callback(server.join, PATIENCE)
+            stack.callback(stop.set)
+            return port.name
+
+        yield make
+
+
+def _url(servos: str, options: dict[str, object]) -> str:
+    return f"virtual:{servos}?" + "&".join(f"{name}={quote(_word(value))}" for name, value in options.items())
+
+
+def _word(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
