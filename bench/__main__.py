@@ -1,8 +1,11 @@
-"""All measurements, one after the other: `python -m bench`; each alone: `python -m bench.reads` and so on."""
+"""The measurements, one after the other: `python -m bench [--quick]`; each alone: `python -m bench.reads` and so on."""
 
-from bench import latency, reads, ticks
+import sys
 
-reads.main([])
+from bench import latency, reads, startup, ticks
+
+reads.main(sys.argv[1:])
+startup.main([])
 print()
 latency.main([])
 print()
