@@ -30,26 +30,34 @@ BARE = "bare Python"
 
 @dataclass(slots=True)
 class Tally:
-    """What one driver took."""
+    """What one driver took, round by round; seconds."""
 
-    cpu: float = 0.0
-    times: list[float] = field(default_factory=list)
-
-    @property
-    def good(self) -> list[float]:
-        return [seconds for seconds in self.times if math.isfinite(seconds)]
+    cpu: list[float] = field(default_factory=list)
+    times: list[list[float]] = field(default_factory=list)
 
     @property
-    def median(self) -> float:
-        return statistics.median(self.good)
+    def all(self) -> list[float]:
+        return [seconds for times in self.times for seconds in _good(times)]
 
     @property
-    def p99(self) -> float:
-        return statistics.quantiles(self.good, n=100)[98]
+    def lost(self) -> int:
+        return sum(map(len, self.times)) - len(self.all)
 
     @property
     def cpu_each(self) -> float:
-        return self.cpu / len(self.times)
+        return sum(self.cpu) / sum(map(len, self.times))
+
+    def slower_than(self, other: "Tally") -> float:
+        """Compare the medians of each round, which share the machine's mood; the median of these ratios."""
+        pairs = zip(self.times, other.times, strict=True)
+        return statistics.median(statistics.median(_good(a)) / statistics.median(_good(b)) for a, b in pairs)
+
+    def busier_than(self, other: "Tally") -> float:
+        return statistics.median(a / b for a, b in zip(self.cpu, other.cpu, strict=True))
+
+
+def _good(times: list[float]) -> list[float]:
+    return [seconds for seconds in times if math.isfinite(seconds)]
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -86,8 +94,8 @@ def _measure(
             _progress(f"round {done + 1} of {rounds}")
             for name in order.sample(list(workers), len(workers)):
                 cpu, times = workers[name].reads(-(-reads // rounds))
-                tallies[name].cpu += cpu
-                tallies[name].times += times
+                tallies[name].cpu.append(cpu)
+                tallies[name].times.append(times)
     _progress("")
     return tallies
 
@@ -98,20 +106,21 @@ def _progress(text: str) -> None:
 
 
 def _show(tallies: dict[str, Tally], delay: float, names: list[str]) -> None:
-    print(f"read present_position, {delay:g} µs from request to reply; {len(tallies[FLOOR].times)} reads each")
-    print(f"{'driver':<22}{'median µs':>10}{'p99 µs':>9}{'x floor':>9}{'CPU µs':>9}{'x bare':>8}{'lost':>6}")
     floor, bare = tallies[FLOOR], tallies[BARE]
+    print(f"read present_position, {delay:g} µs from request to reply; {sum(map(len, floor.times))} reads each")
+    print(f"{'driver':<22}{'median µs':>10}{'p99 µs':>9}{'x floor':>9}{'CPU µs':>9}{'x bare':>8}{'lost':>6}")
     for name in (FLOOR, *names):
         if name not in tallies:
             print(f"{name:<22}  does not run here; its message is above")
             continue
         tally = tallies[name]
-        if len(tally.good) < 2:
-            print(f"{name:<22}  no read of {len(tally.times)} came back")
+        if not all(map(_good, tally.times)):
+            print(f"{name:<22}  lost {tally.lost} of {sum(map(len, tally.times))} reads, all of some rounds")
             continue
+        median, p99 = statistics.median(tally.all), statistics.quantiles(tally.all, n=100)[98]
         print(
-            f"{name:<22}{tally.median * 1e6:>10.1f}{tally.p99 * 1e6:>9.1f}{tally.median / floor.median:>9.2f}"
-            f"{tally.cpu_each * 1e6:>9.1f}{tally.cpu_each / bare.cpu_each:>8.2f}{len(tally.times) - len(tally.good):>6}"
+            f"{name:<22}{median * 1e6:>10.1f}{p99 * 1e6:>9.1f}{tally.slower_than(floor):>9.2f}"
+            f"{tally.cpu_each * 1e6:>9.1f}{tally.busier_than(bare):>8.2f}{tally.lost:>6}"
         )
     print(flush=True)
 
