@@ -105,7 +105,7 @@ def ours(model_name: str, baud: int) -> Callable[[str], AbstractContextManager[R
         register = model.present_position
         with servobus.open(port, bauds=baud) as bus:
             servo = bus.attach(model, 1, baud=baud)
-            yield Reads(lambda: servo.read(register), register.encode)
+            yield Reads(lambda: servo.read(register), register.scale.encode)
 
     return client
 
@@ -125,7 +125,7 @@ def ours_async(model_name: str, baud: int) -> Callable[[str], AbstractContextMan
             bus = runner.run(opened())
             servo = bus.attach(model, 1, baud=baud)
             try:
-                yield AwaitedReads(runner, lambda: servo.read(register), register.encode)
+                yield AwaitedReads(runner, lambda: servo.read(register), register.scale.encode)
             finally:
                 runner.run(bus.__aexit__(None, None, None))
 
@@ -176,7 +176,11 @@ def pylx16a(port: str) -> Iterator[Reads]:
     from pylx16a.lx16a import LX16A
 
     LX16A.initialize(port)
-    yield Reads(LX16A(1).get_physical_angle, lambda degrees: round(degrees / 0.24))
+    try:
+        yield Reads(LX16A(1).get_physical_angle, lambda degrees: round(degrees / 0.24))
+    finally:
+        LX16A._controller.close()
+        LX16A._controller = None
 
 
 @contextmanager

@@ -1,19 +1,67 @@
-"""The bench's own C programs: compiled when they are needed, gone when it ends."""
+"""Programs the bench talks to in lines, and its own C programs: compiled when needed, gone when it ends."""
 
 import os
+import select
 import shutil
 import subprocess
-import sys
 import tempfile
+import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 SOURCES = Path(__file__).parent
 
 
 class NoCompiler(Exception):
     """There is no C compiler, or it could not compile."""
+
+
+class Silent(Exception):
+    """A program gave no line in time (`hung`), or ended (`died`)."""
+
+
+class Program:
+    """A program in a process of its own, so that CPU time, garbage collection and imports are its own."""
+
+    def __init__(self, *command: str, quiet: bool = False) -> None:
+        errors = subprocess.DEVNULL if quiet else None
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors)
+        self._heard = b""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+    def say(self, line: str) -> None:
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(line.encode() + b"\n")
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            raise Silent("died") from None
+
+    def hear(self, timeout: float = 120.0) -> str:
+        """Give the next line. Raises Silent if none comes within `timeout` s, or the program has ended."""
+        assert self._process.stdout is not None
+        out = self._process.stdout.fileno()
+        deadline = time.monotonic() + timeout
+        while b"\n" not in self._heard:
+            if not select.select([out], [], [], max(0.0, deadline - time.monotonic()))[0]:
+                raise Silent("hung")
+            chunk = os.read(out, 65_536)
+            if not chunk:
+                raise Silent("died")
+            self._heard += chunk
+        line, _, self._heard = self._heard.partition(b"\n")
+        return line.decode().strip()
 
 
 @contextmanager
@@ -30,50 +78,11 @@ def compiled(*names: str) -> Iterator[list[Path]]:
         for name in names:
             program = Path(folder) / name
             command = [compiler, "-O2", "-Wall", "-Wextra", "-o", str(program), str(SOURCES / f"{name}.c")]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            try:
+                done = subprocess.run(command, capture_output=True, text=True, check=False)
+            except OSError as error:
+                raise NoCompiler(f"the C compiler {compiler} does not start ({error}); name another: CC=...") from error
             if done.returncode:
                 raise NoCompiler(f"{' '.join(command)} failed:\n{done.stderr}")
             programs.append(program)
         yield programs
-
-
-@contextmanager
-def running(*command: str) -> Iterator[subprocess.Popen[str]]:
-    """Run a program that takes lines and gives lines, until the `with` is over."""
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
-
-
-@contextmanager
-def responder(program: Path, delay: float = 0.0) -> Iterator[str]:
-    """Serve a servo that answers `delay` s after each request; give the name of its port."""
-    with running(str(program), str(round(delay * 1e6))) as process:
-        assert process.stdout is not None
-        yield process.stdout.readline().strip()
-
-
-class Worker:
-    """A client in a process of its own, so that CPU time, garbage collection and imports are its own."""
-
-    def __init__(self, stack: ExitStack, *command: str) -> None:
-        self._process = stack.enter_context(running(*command))
-        self.works = self._line() == "ready"
-
-    def reads(self, count: int) -> tuple[float, list[float]]:
-        """Let it read so many times; give its CPU seconds, and the seconds of each read."""
-        assert self._process.stdin is not None
-        self._process.stdin.write(f"{count}\n")
-        self._process.stdin.flush()
-        cpu, *times = map(float, self._line().split())
-        return cpu, times
-
-    def _line(self) -> str:
-        assert self._process.stdout is not None
-        return self._process.stdout.readline().strip()
-
-
-def python_worker(stack: ExitStack, client: str, port: str) -> Worker:
-    return Worker(stack, sys.executable, "-m", "bench.clients", client, port)

@@ -15,12 +15,12 @@ import math
 import random
 import statistics
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from bench.clients import CLIENTS
-from bench.programs import NoCompiler, Worker, compiled, python_worker, responder
+from bench.programs import NoCompiler, Program, Silent, compiled
 
 DELAYS = (0.0, 0.0005)
 """s from the request to the reply; the second is the RX-28's factory setting (manual 3-4-1)."""
@@ -83,17 +83,21 @@ def main(arguments: list[str] | None = None) -> None:
 def _measure(
     answers: Path, floor: Path, names: list[str], delay: float, reads: int, rounds: int, order: random.Random
 ) -> dict[str, Tally]:
+    commands = {FLOOR: [str(floor)]} | {name: [sys.executable, "-m", "bench.clients", name] for name in names}
+    workers: dict[str, Program] = {}
     with ExitStack() as stack:
-        workers = {FLOOR: Worker(stack, str(floor), stack.enter_context(responder(answers, delay)))}
-        for name in names:
-            worker = python_worker(stack, name, stack.enter_context(responder(answers, delay)))
-            if worker.works:
-                workers[name] = worker
+        for name, command in commands.items():
+            port = stack.enter_context(Program(str(answers), str(round(delay * 1e6)))).hear()
+            worker = stack.enter_context(Program(*command, port))
+            with suppress(Silent):
+                if worker.hear() == "ready":
+                    workers[name] = worker
         tallies = {name: Tally() for name in workers}
         for done in range(rounds):
             _progress(f"round {done + 1} of {rounds}")
             for name in order.sample(list(workers), len(workers)):
-                cpu, times = workers[name].reads(-(-reads // rounds))
+                workers[name].say(str(-(-reads // rounds)))
+                cpu, *times = map(float, workers[name].hear().split())
                 tallies[name].cpu.append(cpu)
                 tallies[name].times.append(times)
     _progress("")
