@@ -2,10 +2,12 @@
 
 import sys
 
-from bench import latency, reads, startup, ticks
+from bench import latency, reads, startup, ticks, wire
 
 reads.main(sys.argv[1:])
 startup.main([])
+print()
+wire.main([])
 print()
 latency.main([])
 print()

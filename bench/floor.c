@@ -16,7 +16,7 @@
 
 enum { PATIENCE_MS = 100, WARM_UP = 200 };
 
-/* Read the two bytes of the present position of id 1 (RX-28 manual 3-5-2). */
+/* Read the two bytes of the present position of id 1 (RX-28 manual 3-5-1). */
 static const unsigned char request[] = {0xFF, 0xFF, 0x01, 0x04, 0x02, 0x24, 0x02, 0xD2};
 enum { REPLY = 8 };
 

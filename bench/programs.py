@@ -40,6 +40,11 @@ class Program:
         self._process.kill()
         self._process.communicate()
 
+    def stay_on(self, cpu: int | None) -> None:
+        """Keep the program on one CPU, where the system can do that; None leaves it to the system."""
+        if cpu is not None and hasattr(os, "sched_setaffinity"):
+            os.sched_setaffinity(self._process.pid, {cpu})
+
     def say(self, line: str) -> None:
         assert self._process.stdin is not None
         try:

@@ -12,6 +12,7 @@ else it does.
 
 import argparse
 import math
+import os
 import random
 import statistics
 import sys
@@ -83,12 +84,15 @@ def main(arguments: list[str] | None = None) -> None:
 def _measure(
     answers: Path, floor: Path, names: list[str], delay: float, reads: int, rounds: int, order: random.Random
 ) -> dict[str, Tally]:
+    cpus = _cpus()
     commands = {FLOOR: [str(floor)]} | {name: [sys.executable, "-m", "bench.clients", name] for name in names}
     workers: dict[str, Program] = {}
     with ExitStack() as stack:
         for name, command in commands.items():
-            port = stack.enter_context(Program(str(answers), str(round(delay * 1e6)))).hear()
-            worker = stack.enter_context(Program(*command, port))
+            servo = stack.enter_context(Program(str(answers), str(round(delay * 1e6))))
+            servo.stay_on(cpus[0])
+            worker = stack.enter_context(Program(*command, servo.hear()))
+            worker.stay_on(cpus[1])
             with suppress(Silent):
                 if worker.hear() == "ready":
                     workers[name] = worker
@@ -102,6 +106,16 @@ def _measure(
                 tallies[name].times.append(times)
     _progress("")
     return tallies
+
+
+def _cpus() -> tuple[int, int] | tuple[None, None]:
+    """Choose a CPU for the responders and one for the drivers.
+
+    Left to the system, both share a CPU now and then, which is faster than a wake-up on another one: then the
+    median would say more of that than of the driver. A servo has a CPU of its own.
+    """
+    cpus = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
+    return (cpus[0], cpus[1]) if len(cpus) > 1 else (None, None)
 
 
 def _progress(text: str) -> None:
