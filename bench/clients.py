@@ -13,13 +13,14 @@ import select
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from typing import Any
 
 RX28_BAUD = 1_000_000
 LX16A_BAUD = 115_200
 WARM_UP = 200
-PATIENCE_MS = 100
+PATIENCE = 0.1
+"""s for an answer, where a driver lets one choose; what ours gives comes from the speed and the port."""
 
 
 class Reads:
@@ -85,7 +86,7 @@ def bare(port: str) -> Iterator[Reads]:
         os.write(fd, request)
         heard = b""
         while len(heard) < reply:
-            if not poll.poll(PATIENCE_MS):
+            if not poll.poll(PATIENCE * 1000):
                 raise TimeoutError
             heard += os.read(fd, 64)
         return heard
@@ -156,7 +157,7 @@ def dynamixel_sdk(port: str) -> Iterator[Reads]:
 def rustypot(port: str) -> Iterator[Reads]:
     from rustypot import AxPyController
 
-    controller = AxPyController(port, RX28_BAUD, PATIENCE_MS / 1000)
+    controller = AxPyController(port, RX28_BAUD, PATIENCE)
     try:
         yield Reads(lambda: controller.read_raw_present_position(1), lambda values: int(values[0]))
     finally:
@@ -167,7 +168,7 @@ def rustypot(port: str) -> Iterator[Reads]:
 def pypot(port: str) -> Iterator[Reads]:
     from pypot.dynamixel.io import DxlIO
 
-    with DxlIO(port, baudrate=RX28_BAUD, convert=False) as bus:  # raw, as the two above give it
+    with DxlIO(port, baudrate=RX28_BAUD, timeout=PATIENCE, convert=False) as bus:  # raw, as the two above
         yield Reads(lambda: bus.get_present_position((1,)), lambda values: int(values[0]))
 
 
@@ -175,7 +176,7 @@ def pypot(port: str) -> Iterator[Reads]:
 def pylx16a(port: str) -> Iterator[Reads]:
     from pylx16a.lx16a import LX16A
 
-    LX16A.initialize(port)
+    LX16A.initialize(port, timeout=PATIENCE)
     try:
         yield Reads(LX16A(1).get_physical_angle, lambda degrees: round(degrees / 0.24))
     finally:
@@ -188,8 +189,8 @@ def lewansoul_lx16a(port: str) -> Iterator[Reads]:
     import lewansoul_lx16a as module
     import serial
 
-    with serial.Serial(port, LX16A_BAUD, timeout=PATIENCE_MS / 1000) as opened:
-        controller = module.ServoController(opened, timeout=PATIENCE_MS / 1000)
+    with serial.Serial(port, LX16A_BAUD, timeout=PATIENCE) as opened:
+        controller = module.ServoController(opened, timeout=PATIENCE)
         yield Reads(lambda: controller.get_position(1))
 
 
@@ -210,7 +211,11 @@ CLIENTS: dict[str, Callable[[str], AbstractContextManager[Reads]]] = {
 
 def main() -> None:
     name, port = sys.argv[1:]
-    with CLIENTS[name](port) as client:
+    with ExitStack() as stack:
+        try:
+            client = stack.enter_context(CLIENTS[name](port))
+        except ImportError as error:
+            sys.exit(f"{name}: {error}")
         client.times(WARM_UP)
         print("ready", flush=True)
         for line in sys.stdin:

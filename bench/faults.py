@@ -73,7 +73,7 @@ def main(arguments: list[str] | None = None) -> None:
                 outcome = _run(askers[name], kind, args.seed, args.rate, args.reads)
                 if outcome.end in ("hung", "died"):
                     del askers[name]  # the next kind gets a new one; this one is killed in the end
-                _show(kind, name, outcome)
+                _show(kind if name == args.only[0] else "", name, outcome)
                 sums[name] += outcome
                 ends[name][outcome.end] += 1
     print(

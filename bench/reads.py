@@ -6,7 +6,8 @@ The servo is a responder in C that answers at once, and in a second table 500 µ
 can be faster than the floor, a client in C; the CPU of a driver in Python can hardly be below that of a bare
 loop of write, poll and read. Each driver is a process of its own with a responder of its own; they take turns
 in an order that is drawn anew for each round. A pseudo terminal carries no bit times, so that both families
-compare with one floor. Compare the ratios, not the absolute figures: they depend on the machine and on what
+compare with one floor. It takes some four minutes. Compare the ratios, not the absolute figures: each is the median
+over the rounds of what was taken there side by side; the figures themselves depend on the machine and on what
 else it does.
 """
 
