@@ -4,10 +4,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 CORE := $(VENV)/.core
 READY := $(VENV)/.ready
+RIVALS := $(VENV)/.rivals
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check format docs bench clean
+.PHONY: help setup demo test check format docs bench faults clean
 
 help:  ## show this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -25,6 +26,11 @@ $(READY): $(CORE)
 	@echo "adding what tests and checks need (once, about a minute)"
 	@$(PIP) --group dev --group clients
 	@touch $(READY)
+
+$(RIVALS): $(READY)
+	@echo "adding what only the bench compares with (once; pypot brings much along)"
+	@$(PIP) --group bench || echo "the bench goes on without what could not be installed"
+	@touch $(RIVALS)
 
 setup: $(READY)  ## make the environment in .venv
 
@@ -48,8 +54,11 @@ format: $(READY)  ## put the code into shape
 docs: $(READY)  ## write the reference pages from the tables
 	$(BIN)/python docs/generate.py
 
-bench: $(READY)  ## transactions a second beside other drivers, in one run
+bench: $(RIVALS)  ## microseconds and CPU of a read beside other drivers, in one run
 	$(BIN)/python -m bench
+
+faults: $(RIVALS)  ## wrong values and errors of all drivers under the same wire faults
+	$(BIN)/python -m bench.faults
 
 clean:  ## remove what was built
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist src/*.egg-info

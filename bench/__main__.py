@@ -1,8 +1,13 @@
-"""All measurements, one after the other: `python -m bench`; each alone: `python -m bench.reads` and so on."""
+"""The measurements, one after the other: `python -m bench [--quick]`; each alone: `python -m bench.reads` and so on."""
 
-from bench import latency, reads, ticks
+import sys
 
-reads.main([])
+from bench import latency, reads, startup, ticks, wire
+
+reads.main(sys.argv[1:])
+startup.main([])
+print()
+wire.main([])
 print()
 latency.main([])
 print()

@@ -10,17 +10,41 @@ import argparse
 import os
 import select
 import statistics
+import subprocess
+import sys
+import tempfile
 import termios
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
 import serial
 
-from bench.reads import virtual_servo
+from servobus import RX28
+from servobus import open as open_port
 
 PING = bytes.fromhex("FF FF 01 02 01 FB")  # RX-28 manual 3-5-5, Example 3
 ANSWER = 6
 DELAYS = (0.0, 0.0005)
 """s: none, and the factory setting (RX-28 manual 3-4-1)."""
+
+
+@contextmanager
+def virtual_servo(baud: int, delay: float = 0.0) -> Iterator[str]:
+    """Serve one RX-28 behind a pseudo terminal in a process of its own, with a return delay in s."""
+    with tempfile.TemporaryDirectory() as folder:
+        port = str(Path(folder) / "rx28")
+        command = [sys.executable, "-m", "servobus", "virtual", "rx28@1", "--baud", str(baud), "--pty", port]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            try:
+                assert process.stdout is not None
+                process.stdout.readline()  # "ready ..."
+                with open_port(port, bauds=baud) as bus:
+                    bus.attach(RX28, 1, baud=baud).write(RX28.return_delay_time, delay)
+                yield port
+            finally:
+                process.terminate()
 
 
 def main(arguments: list[str] | None = None) -> None:

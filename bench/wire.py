@@ -1,0 +1,118 @@
+"""How much of the wire the driver uses, and how long a full scan takes, in simulated time.
+
+    python -m bench.wire [--cycles N]
+
+The servos run in this process on a virtual clock, so that the figures are the same on every machine. What the bits
+allow is counted here from the packets of the manuals, not by the driver:
+
+    RX-28       half duplex: 8 bytes ask, 6 + n answer (manual 3-5-1); return delay 0
+    DRS-0602    full duplex: 9 bytes ask, 11 + n answer (manual 6-4), at the same time on a wire each
+"""
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import servobus
+from servobus import DRS0602, LX16A, RX28, Bus, BusServo
+
+if TYPE_CHECKING:
+    from servobus.virtual.inprocess import VirtualPort
+
+FAST = 1_000_000
+SERVOS = 20
+BITS = 10
+"""Bits on the wire for each byte: 8N1."""
+LAST = 253
+"""The highest id; a scan asks all 254."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """Position, speed and load of one model: three registers that touch."""
+
+    model: Any
+    registers: tuple[Any, ...]
+    asks: int
+    """Bytes of a request."""
+    answers: int
+    """Bytes of its reply."""
+    full_duplex: bool
+
+    @property
+    def least(self) -> float:
+        """Seconds of wire that each read takes at least, among many."""
+        count = max(self.asks, self.answers) if self.full_duplex else self.asks + self.answers
+        return count * BITS / FAST
+
+
+JOBS = (
+    Job(RX28, (RX28.present_position, RX28.present_speed, RX28.present_load), 8, 6 + 6, full_duplex=False),
+    Job(DRS0602, (DRS0602.present_position, DRS0602.differential_position, DRS0602.pwm), 9, 11 + 8, full_duplex=True),
+)
+SCANS = ((RX28, FAST), (RX28, 115_200), (DRS0602, FAST), (DRS0602, 115_200), (LX16A, 115_200))
+
+
+def main(arguments: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(prog="bench.wire", description="Share of the wire that is used.")
+    parser.add_argument("--cycles", type=int, default=50, help="cycles of each way to read")
+    args = parser.parse_args(arguments)
+    print(f"position, speed and load of {SERVOS} servos at {FAST} baud, simulated")
+    print(f"{'model':<10}{'way':<24}{'cycles/s':>9}{'of the bits':>13}")
+    for job in JOBS:
+        bound = 1 / (SERVOS * job.least)
+        print(f"{job.model.title:<10}{'what the bits allow':<24}{bound:>9.1f}{1:>13.1%}")
+        for way, cycle in WAYS.items():
+            rate = _rate(job, cycle, args.cycles)
+            print(f"{job.model.title:<10}{way:<24}{rate:>9.1f}{rate / bound:>13.1%}")
+    print(f"\n{'scan of 254 ids':<17}{'baud':>8}{'simulated s':>13}{'CPU s':>8}")
+    for model, baud in SCANS:
+        taken, spent = _scan(model, baud)
+        print(f"{model.title:<17}{baud:>8}{taken:>13.3f}{spent:>8.2f}")
+
+
+def one_by_one(_: Bus, servos: list[BusServo], job: Job) -> None:
+    """Ask and wait, one servo after the other, as other drivers do."""
+    for servo in servos:
+        servo.read_many(job.registers)
+
+
+WAYS: dict[str, Callable[[Bus, list[BusServo], Job], None]] = {"one after the other": one_by_one}
+
+
+def _rate(job: Job, cycle: Callable[[Bus, list[BusServo], Job], None], cycles: int) -> float:
+    """Give the cycles in a simulated second."""
+    with _opened(job.model, f"1-{SERVOS}", FAST) as bus:
+        servos = [bus.attach(job.model, id, baud=FAST) for id in range(1, SERVOS + 1)]
+        if job.model is RX28:
+            for servo in servos:
+                servo.write(RX28.return_delay_time, 0.0)
+        cycle(bus, servos, job)
+        before = _clock(bus)
+        for _ in range(cycles):
+            cycle(bus, servos, job)
+        return cycles / (_clock(bus) - before)
+
+
+def _scan(model: Any, baud: int) -> tuple[float, float]:
+    """Give the simulated seconds of a scan that meets one servo, and the CPU seconds."""
+    with _opened(model, str(LAST), baud) as bus:
+        before, started = _clock(bus), time.process_time()
+        found = bus.scan(family=model.family, bauds=[baud])
+        assert [servo.id for servo in found] == [LAST]
+        return _clock(bus) - before, time.process_time() - started
+
+
+def _opened(model: Any, ids: str, baud: int) -> Bus:
+    return servobus.open(f"virtual:{model.key()}@{ids}?clock=virtual&baud={baud}", bauds=baud)
+
+
+def _clock(bus: Bus) -> float:
+    port: VirtualPort = bus.transport  # type: ignore[assignment] # a virtual: port is one
+    return port.now()
+
+
+if __name__ == "__main__":
+    main()
