@@ -58,6 +58,7 @@ class Dynamixel1(Family):
     title = "Dynamixel protocol 1.0"
     framing = FRAMING
     default_baud = 57_600
+    drives = frozenset({"moving_speed"})
     fickle = frozenset({"goal_position", "moving_speed", "torque_limit", "registered_instruction"})
     # Table in manual 3-4-1, plus the codes in use elsewhere in the field; most likely first.
     bauds = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)

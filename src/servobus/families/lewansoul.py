@@ -61,6 +61,7 @@ class Lewansoul(Family):
     default_baud = BAUD
     bauds = (BAUD,)
     max_move_time = 30.0
+    drives = frozenset({"mode", "motor_speed"})
     fickle = frozenset(
         {"goal_position", "goal_time", "wait_goal_position", "wait_goal_time", "mode", "motor_speed"}
     )  # a move and a mode are given by other ways too
