@@ -14,6 +14,7 @@ from servobus.exchange import Exchange, Procedure, SetBaud, Volley
 from servobus.families.base import Answers, Family, Model, Target
 from servobus.families.notes import SafeAction
 from servobus.framing import Framing, Packet
+from servobus.guard import Level, Protection, Thresholds, protect, protection
 from servobus.link import Link
 from servobus.operation import Operation
 from servobus.procedures import Course, Found, Survey, Watcher
@@ -60,6 +61,7 @@ class Driver(Safeguard, Generic[S]):
         self.survey = Survey()
         """What the last scan saw, what made no sense included."""
         self._servos: list[S] = []
+        self._protections: dict[S, Protection] = {}
 
     @property
     def echo(self) -> bool | None:
@@ -223,6 +225,33 @@ class Driver(Safeguard, Generic[S]):
                 first = first or error
         if first is not None:
             raise first
+
+    @Operation
+    def protect(self, thresholds: Thresholds | None = None) -> Procedure[dict[int, Level]]:
+        """Look once how hot every known servo is and whether it is stuck, and act on it; id -> level.
+
+        To be called now and then, say every half second: a stall shows only over several looks. WARN is 10 °C below
+        the limit set in the servo. At DERATE, 5 °C below it, it gets half its torque limit (RX-28), half its highest
+        output (DRS-0602) or half its speed (LX-16A). At SAFE, at the limit or after 2 s of pushing without motion,
+        its safe action runs, and commands of motion raise Stopped until a later look finds that it is over. All
+        bounds can be set, from the first call on; see `servobus.guard.Thresholds`. One that does not answer raises
+        NoReply after all others had their turn.
+        """
+        levels = {}
+        first: BusError | None = None
+        for servo in self:
+            yield SetBaud(servo.baud)
+            try:
+                if servo not in self._protections:
+                    self._protections[servo] = yield from protection(servo.target, thresholds or Thresholds())
+                now = self.transport.now()
+                guarding = self._protections[servo]
+                levels[servo.id] = yield from protect(servo.target, guarding, now, servo.safe_action)
+            except BusError as error:
+                first = first or error
+        if first is not None:
+            raise first
+        return levels
 
     # Helpers
 

@@ -75,7 +75,11 @@ class Guard:
 
     def _judge_heat(self, temperature: float) -> Level:
         bounds = self.thresholds
-        starts = {Level.SAFE: self.limit, Level.DERATE: self.limit - bounds.derate, Level.WARN: self.limit - bounds.warn}
+        starts = {
+            Level.SAFE: self.limit,
+            Level.DERATE: self.limit - bounds.derate,
+            Level.WARN: self.limit - bounds.warn,
+        }
         for level, start in starts.items():
             # A level that is reached ends later than it began, so that it does not flap.
             if temperature >= (start - bounds.back if self._heat >= level else start):

@@ -181,6 +181,8 @@ class Family(ABC):
     """Registers in RAM that the servo changes by itself: they do not tell that it restarted."""
     drives: ClassVar[frozenset[str]] = frozenset()
     """Registers that can set a servo in motion, beside torque and goals."""
+    strength: ClassVar[str] = ""
+    """Register in RAM that bounds the output; "" if the family has none."""
     brakes: ClassVar[bool] = False
     """Whether it can brake: short its motor, so that the shaft turns only slowly."""
 
@@ -329,6 +331,10 @@ class Family(ABC):
         """Short the motor. Raises UsageError where the family cannot."""
         yield from ()  # a procedure without steps
         raise cannot(target, "brake", "only HerkuleX servos can (Torque Control); hold or free it")
+
+    @abstractmethod
+    def push(self, target: Target) -> Procedure[float]:
+        """Read how hard the servo pushes, as a share 0 .. 1 of the output that it is allowed now."""
 
     def sets_going(self, target: Target, values: Mapping[Register[Any], int]) -> bool:
         """Tell whether writing these raw values can set the servo in motion, or switches it on."""

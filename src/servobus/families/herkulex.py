@@ -89,6 +89,7 @@ class Herkulex(Family):
     default_baud = 115_200
     bauds = tuple(BAUD.codes.values())
     full_duplex = True
+    strength = "max_pwm"
     brakes = True
     max_move_time = LONGEST_PLAYTIME * TICK
     # Torque Control is among what tells a restart; the light is not, for a JOG sets it. The id is no setting.
@@ -190,6 +191,11 @@ class Herkulex(Family):
             if ack.status_error and StatusDetail.TORQUE_ON not in ack.status_detail:
                 why = f"because of {show_flags(ack.status_error)}; rearm() clears what is over"
                 raise Refused(f"{target}: torque stays off {why}", ack.status_error)
+
+    def push(self, target: Target) -> Procedure[float]:
+        rows = [target.model.register(name) for name in ("pwm", "max_pwm")]
+        pwm, limit = yield from ask(self.read(target, rows))
+        return abs(pwm) / limit if limit else 0.0
 
     def brake(self, target: Target) -> Procedure[None]:
         """Torque Control 0x40 (5-2 RAM 52)."""
