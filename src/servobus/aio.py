@@ -191,7 +191,8 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         if self._listening != (loop, fd):
             loop.add_reader(fd, self._readable, loop, fd)
             self._listening = loop, fd
-        self._waiter = waiter = loop.create_future()
+        waiter: asyncio.Future[bytes] = loop.create_future()
+        self._waiter = waiter
         timer = loop.call_later(timeout, _end, waiter)
         try:
             return await waiter

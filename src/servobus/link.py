@@ -249,10 +249,10 @@ class Link:
             if exchange.reply is None or not exchange.repeatable:
                 return 0.0
             pace = self._pace(exchange)
-        self._pace_now = pace
-        pace.counts.sent += 1
         self._began = monotonic()
         self.transport.write(exchange.request)
+        self._pace_now = pace  # what follows costs no time: the servo is at work
+        pace.counts.sent += 1
         return pace.window + self.latency.patience
 
     def quick(self, exchange: Exchange[T], chunk: bytes) -> T | object:

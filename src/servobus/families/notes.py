@@ -7,7 +7,6 @@ target without notes is written to as asked, without a look at what is there.
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 from servobus.errors import BadValue, EepromWear
@@ -20,7 +19,6 @@ WINDOW = 60.0
 """s"""
 
 
-@dataclass(slots=True)
 class Notes:
     """Notes on one servo.
 
@@ -33,14 +31,17 @@ class Notes:
     max_step        farthest that one goal may lie from where it is, rad; None for no limit
     """
 
-    clock: Callable[[], float] = time.monotonic
-    most: int | None = MOST
-    eeprom_writes: int = 0
-    ram: dict[Register[Any], int] = field(default_factory=dict)
-    restarted: bool = False
-    max_step: float | None = None
-    _recent: dict[str, list[float]] = field(default_factory=dict)
-    """Register -> times of its last writes."""
+    __slots__ = ("_recent", "clock", "eeprom_writes", "max_step", "most", "ram", "restarted")
+
+    def __init__(self) -> None:
+        self.clock: Callable[[], float] = time.monotonic
+        self.most: int | None = MOST
+        self.eeprom_writes = 0
+        self.ram: dict[Register[Any], int] = {}
+        self.restarted = False
+        self.max_step: float | None = None
+        self._recent: dict[str, list[float]] = {}
+        """Register -> times of its last writes."""
 
     def check_wear(self, who: str, registers: Iterable[Register[Any]]) -> None:
         """Raise EepromWear if one of these was written too often lately."""
