@@ -328,15 +328,14 @@ class Link:
             self._deadline = self._began + self._pace_now.window + self.latency.patience
             self._clear_at = self._began
         collector = Collector(exchange, self.echo, request)
-        chunk = begun or b""
         try:
-            while True:
-                if chunk:
-                    collector.feed(chunk)
+            if begun:
+                collector.feed(begun)
+            left = 1.0
+            while left > 0 and not collector.done:
+                # When time is up the answer may be here all the same, if this computer stalled: look once more.
                 left = self._deadline - transport.now()
-                if collector.done or left <= 0:
-                    break
-                chunk = yield Listen(left)
+                collector.feed((yield Listen(max(left, 0.0))))
             return self._judge(collector)
         finally:
             if collector.packet is None or collector.broken_echo:
