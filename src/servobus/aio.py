@@ -14,9 +14,10 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import asynccontextmanager, contextmanager
 from types import TracebackType
-from typing import Any, Self, TypeVar, cast
+from typing import Any, Self, TypeVar
 
 from servobus.driver import Driver, Reunion
+from servobus.errors import PortError
 from servobus.exchange import Exchange, Job
 from servobus.families.base import Target
 from servobus.link import MISSED, Link, Listen, Waits
@@ -110,6 +111,10 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         self._lock = asyncio.Lock()
         self._reading = threading.Lock()
         """Held while a thread reads, where the loop cannot wait by itself."""
+        self._waiter: asyncio.Future[bytes] | None = None
+        """Who waits for bytes."""
+        self._listening: tuple[asyncio.AbstractEventLoop, int] | None = None
+        """The loop that tells when the port's descriptor is readable."""
 
     async def __aenter__(self) -> Self:
         return self
@@ -126,11 +131,13 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
     def close(self) -> None:
         """Give the port back. Torque stays as it is."""
         self._end(safe=False)
+        self._stop_listening()
         self.transport.close()
 
     async def reopen(self) -> Reunion:
         """Open the port again after it was lost, and see who is there; see `Bus.reopen`."""
         async with self._lock:
+            self._stop_listening()  # what is opened may get the same descriptor
             if self.transport.blocking():
                 await asyncio.to_thread(self.transport.reopen)
             else:
@@ -158,7 +165,9 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             if link.retired:
                 link.check()
             result = link.quick(job, heard)
-            return cast("T", result) if result is not MISSED else await self._wait(link, link.carry(job, heard))
+            if result is MISSED:
+                return await self._wait(link, link.carry(job, heard))
+            return result  # type: ignore[return-value] # it is a T, as it is not MISSED
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> AsyncMove:
         """Move several servos, id -> angle in rad, that start together and arrive together; see `Bus.move`."""
@@ -248,16 +257,37 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         fd = transport.fileno()
         if fd is None:
             return await asyncio.to_thread(self._read_alone, timeout)
-        readable = asyncio.Event()
         loop = asyncio.get_running_loop()
-        loop.add_reader(fd, readable.set)
+        if self._listening != (loop, fd):
+            loop.add_reader(fd, self._readable, loop, fd)
+            self._listening = loop, fd
+        waiter: asyncio.Future[bytes] = loop.create_future()
+        self._waiter = waiter
+        timer = loop.call_later(timeout, _end, waiter)
         try:
-            await asyncio.wait_for(readable.wait(), timeout)
-        except TimeoutError:
-            return b""
+            return await waiter
         finally:
+            timer.cancel()
+            self._waiter = None
+
+    def _stop_listening(self) -> None:
+        if self._listening is not None:
+            loop, fd = self._listening
+            self._listening = None
+            if not loop.is_closed():
+                loop.remove_reader(fd)
+
+    def _readable(self, loop: asyncio.AbstractEventLoop, fd: int) -> None:
+        """Give bytes to who waits for them. If nobody does, stop listening: the loop would turn and turn."""
+        waiter = self._waiter
+        if waiter is None or waiter.done():
             loop.remove_reader(fd)
-        return transport.read(0)
+            self._listening = None
+            return
+        try:
+            waiter.set_result(self.transport.read(0))
+        except PortError as error:
+            waiter.set_exception(error)
 
     async def _pause(self, seconds: float) -> None:
         if seconds > 0:
@@ -265,3 +295,8 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
                 await asyncio.sleep(seconds)
             else:
                 self.transport.sleep(seconds)
+
+
+def _end(waiter: asyncio.Future[bytes]) -> None:
+    if not waiter.done():
+        waiter.set_result(b"")

@@ -7,7 +7,6 @@ target without notes is written to as asked, without a look at what is there.
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
 from servobus.errors import BadValue, EepromWear, Stopped
@@ -23,7 +22,6 @@ SafeAction: TypeAlias = Literal["hold", "free", "brake"]
 """What makes a servo safe: end the motion and hold the present position, torque off, or short its motor."""
 
 
-@dataclass(slots=True)
 class Notes:
     """Notes on one servo.
 
@@ -42,20 +40,25 @@ class Notes:
     gate            called before it is set in motion; what it raises forbids that
     """
 
-    clock: Callable[[], float] = time.monotonic
-    most: int | None = MOST
-    eeprom_writes: int = 0
-    ram: dict[Register[Any], int] = field(default_factory=dict)
-    restarted: bool = False
-    max_step: float | None = None
-    safe_action: SafeAction | None = None
-    driven: bool = False
-    held: bool = False
-    halted: str = ""
-    slow: float = 1.0
-    gate: Callable[[], None] | None = None
-    _recent: dict[str, list[float]] = field(default_factory=dict)
-    """Register -> times of its last writes."""
+    __slots__ = (
+        "_recent", "clock", "driven", "eeprom_writes", "gate", "halted", "held", "max_step", "most", "ram", "restarted",
+        "safe_action", "slow",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.clock: Callable[[], float] = time.monotonic
+        self.most: int | None = MOST
+        self.eeprom_writes = 0
+        self.ram: dict[Register[Any], int] = {}
+        self.restarted = False
+        self.max_step: float | None = None
+        self.safe_action: SafeAction | None = None
+        self.driven = self.held = False
+        self.halted = ""
+        self.slow = 1.0
+        self.gate: Callable[[], None] | None = None
+        self._recent: dict[str, list[float]] = {}
+        """Register -> times of its last writes."""
 
     def check_wear(self, who: str, registers: Iterable[Register[Any]]) -> None:
         """Raise EepromWear if one of these was written too often lately."""
