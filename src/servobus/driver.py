@@ -230,9 +230,9 @@ class Driver(Safeguard, Generic[S]):
     def protect(self, thresholds: Thresholds | None = None) -> Procedure[dict[int, Level]]:
         """Look once how hot every known servo is and whether it is stuck, and act on it; id -> level.
 
-        To be called now and then, say every half second: a stall shows only over several looks. WARN is 10 °C below
+        To be called again and again, say every 0.1 s: a stall shows only over several looks. WARN is 10 °C below
         the limit set in the servo. At DERATE, 5 °C below it, it gets half its torque limit (RX-28), half its highest
-        output (DRS-0602) or half its speed (LX-16A). At SAFE, at the limit or after 2 s of pushing without motion,
+        output (DRS-0602) or half its speed (LX-16A). At SAFE, at the limit or after 0.5 s of pushing without motion,
         its safe action runs, and commands of motion raise Stopped until a later look finds that it is over. All
         bounds can be set, from the first call on; see `servobus.guard.Thresholds`. One that does not answer raises
         NoReply after all others had their turn.

@@ -38,14 +38,14 @@ class Thresholds:
     warn, derate   °C below the limit that is set in the servo
     back           °C that it must be cooler again before a level ends
     push           share of the output it is allowed, from which on it pushes
-    stall          s for which it pushes without moving
+    stall          s for which it pushes without moving; less than the 0.6 s after which a DRS-0602 itself gives up
     """
 
     warn: float = 10.0
     derate: float = 5.0
     back: float = 2.0
     push: float = 0.8
-    stall: float = 2.0
+    stall: float = 0.5
 
     def check(self) -> "Thresholds":
         """Give them back. Raises BadValue if they contradict each other."""
@@ -125,11 +125,9 @@ class Protection:
         if not name:
             notes.slow = 0.5
             return
-        if self.strength is not None:
-            return
         row = target.model.register(name)
         (strength,) = yield from ask(target.model.family.read(target, [row]))
-        if strength > 1:  # an RX-28 that has shut down has none
+        if strength > (1 if self.strength is None else self.strength // 2):  # after a restart it has all again
             yield from target.model.family.write(target, {row: strength // 2})
             self.strength = strength
 
@@ -138,7 +136,9 @@ class Protection:
             target.notes.slow = 1.0
         if self.strength is not None:
             row = target.model.register(target.model.family.strength)
-            yield from target.model.family.write(target, {row: self.strength})
+            (strength,) = yield from ask(target.model.family.read(target, [row]))
+            if strength == self.strength // 2:  # an RX-28 that has shut down has none, and would jump if it got some
+                yield from target.model.family.write(target, {row: self.strength})
             self.strength = None
 
 
@@ -155,7 +155,10 @@ def protect(target: Target, protection: Protection, now: float, action: SafeActi
     names = ("present_temperature", "present_position")
     rows = [target.model.register(name) for name in names]
     temperature, position = yield from ask(family.read(target, rows))
-    push = yield from family.push(target)
+    notes = target.notes
+    # Of one that we do not drive, or have stopped, a goal that it never reached says nothing.
+    pushing = notes is not None and notes.driven and not notes.held
+    push = (yield from family.push(target)) if pushing else 0.0
     level = protection.guard.judge(now, rows[0].decode(temperature), push, rows[1].decode(position))
     yield from protection.act(target, level, action)
     return level

@@ -140,6 +140,11 @@ def make_safe(target: Target, action: SafeAction) -> Procedure[None]:
     family, notes = target.model.family, target.notes
     if action == "free":
         yield from family.torque(target, on=False)
+        # Most servos do not answer to that: it may have been lost.
+        if target.answers is not Answers.NOTHING:
+            (torque,) = yield from ask(family.read(target, [target.model.register("torque_enable")]))
+            if family.torque_on(torque):
+                raise BusError(f"{target}: its torque is still on")
     elif action == "brake":
         yield from family.brake(target)
     elif notes is None or not notes.held:

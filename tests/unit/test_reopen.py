@@ -42,6 +42,11 @@ class Port:
 
         return asyncio.run(main())
 
+    @staticmethod
+    def on(number: int, job: Job) -> Job:
+        """Make a job for a bus of one for its servo with this id."""
+        return lambda bus: job(bus[number])
+
     def know(self, *ids: int) -> None:
         for servo in self.line.drawer.servos:
             if servo.id in ids:
@@ -75,8 +80,8 @@ def test_after_reopening_everybody_is_there_and_answers(driver: str, kind: str) 
 def test_who_is_missing_and_who_restarted_is_told(driver: str) -> None:
     port = Port(ALL, driver)
     port.know(1, 2, 3, 4)
-    for id in (1, 3, 4):
-        port.do(lambda bus, id=id: bus[id].torque_on())
+    for number in (1, 3, 4):
+        port.do(port.on(number, lambda servo: servo.torque_on()))
     port.lose()
     rx28, gone, drs0602, _ = port.line.servos
     gone.power_off()
@@ -86,9 +91,9 @@ def test_who_is_missing_and_who_restarted_is_told(driver: str) -> None:
     port.line.sleep(0.1)
     assert port.do(lambda bus: bus.reopen()) == Reunion(present=(1, 3, 4), missing=(2,), restarted=(1, 3))
     assert [port.bus[id].restarted for id in (1, 2, 3, 4)] == [True, False, True, False]
-    for id in (1, 3):
+    for number in (1, 3):
         with pytest.raises(TorqueOff):
-            port.do(lambda bus, id=id: bus[id].start_move(10 * deg, time=1.0))
+            port.do(port.on(number, lambda servo: servo.start_move(10 * deg, time=1.0)))
     with pytest.raises(Restarted):
         port.do(lambda bus: bus[1].write(RX28.goal_position, 1.0))
     port.do(lambda bus: bus[4].start_move(100 * deg, time=1.0))
@@ -100,7 +105,7 @@ def test_an_answer_of_the_old_port_is_none_on_the_new_one(driver: str) -> None:
     port = Port("rx28@1", driver)
     port.know(1)
     port.do(lambda bus: bus[1].look())
-    assert port.bus.echo is False
+    assert not port.bus.echo
     old = port.bus.link
     sent = port.bus.stats.total.sent
     port.lose()

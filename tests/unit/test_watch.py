@@ -68,7 +68,7 @@ def test_it_trips_once_when_nobody_feeds_it() -> None:
         watch.feed()
         one.pass_(0.24)
         watch.feed()
-        assert not watch.tripped
+        assert not watch.wait(0)
         one.pass_(0.26)
         assert watch.wait(PATIENCE)
         assert watch.tripped
@@ -150,7 +150,7 @@ def test_a_program_that_is_stuck_has_its_servos_stopped_once(arm: tuple[str, Arm
         assert watch.tripped
         for move in (
             lambda: servo.start_move(1.0),
-            lambda: servo.torque_on(),
+            servo.torque_on,
             lambda: bus.torque_on([servo]),
         ):
             with pytest.raises(Stopped, match="nothing moves before reset"):
