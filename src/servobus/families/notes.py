@@ -7,9 +7,9 @@ target without notes is written to as asked, without a look at what is there.
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
-from servobus.errors import BadValue, EepromWear
+from servobus.errors import BadValue, EepromWear, Stopped
 from servobus.registers import EepRam, Register
 
 MOST = 10
@@ -17,6 +17,9 @@ MOST = 10
 bears; usual ones bear 100 000, which a loop of 100 Hz would use up in 17 minutes."""
 WINDOW = 60.0
 """s"""
+
+SafeAction: TypeAlias = Literal["hold", "free", "brake"]
+"""What makes a servo safe: end the motion and hold the present position, torque off, or short its motor."""
 
 
 class Notes:
@@ -29,9 +32,18 @@ class Notes:
     ram             raw values that we gave it and that it keeps by itself until it restarts
     restarted       whether it lost them, so that it must not be moved before the torque is switched on anew
     max_step        farthest that one goal may lie from where it is, rad; None for no limit
+    safe_action     what makes it safe; None: nobody chose, so it is "hold"
+    driven          whether we switched it on or set it in motion, and nothing has ended that since
+    held            whether it was stopped since
+    halted          why it must not be moved now; "" if it may
+    slow            share of the speed asked for with which it is moved
+    gate            called before it is set in motion; what it raises forbids that
     """
 
-    __slots__ = ("_recent", "clock", "eeprom_writes", "max_step", "most", "ram", "restarted")
+    __slots__ = (
+        "_recent", "clock", "driven", "eeprom_writes", "gate", "halted", "held", "max_step", "most", "ram", "restarted",
+        "safe_action", "slow",
+    )  # fmt: skip
 
     def __init__(self) -> None:
         self.clock: Callable[[], float] = time.monotonic
@@ -40,6 +52,11 @@ class Notes:
         self.ram: dict[Register[Any], int] = {}
         self.restarted = False
         self.max_step: float | None = None
+        self.safe_action: SafeAction | None = None
+        self.driven = self.held = False
+        self.halted = ""
+        self.slow = 1.0
+        self.gate: Callable[[], None] | None = None
         self._recent: dict[str, list[float]] = {}
         """Register -> times of its last writes."""
 
@@ -81,6 +98,18 @@ class Notes:
         """Expect nothing of these RAM values any more, or of all."""
         for register in list(self.ram if registers is None else registers):
             self.ram.pop(register, None)
+
+    def go(self) -> None:
+        """Take note that it is set in motion or switched on now. Raises Stopped if that must not be."""
+        if self.halted:
+            raise Stopped(self.halted)
+        if self.gate is not None:
+            self.gate()
+        self.driven, self.held = True, False
+
+    def rest(self) -> None:
+        """Take note that nothing we did moves it or holds it any more."""
+        self.driven = self.held = False
 
     def check_step(self, who: str, distance: float) -> None:
         """Raise BadValue if a goal lies farther off than `max_step`; `distance` in rad."""
