@@ -280,7 +280,9 @@ def test_what_another_switched_off_is_not_switched_on_by_holding_it() -> None:
         bus.attach(RX28, 1).torque_on()
         bus.transport.sleep(0.01)
         bus.transport.servos[0].put("torque_enable", 0)
+        bus.transport.servos[0].goal_enables_torque = True  # as some say of real ones
         raise ValueError("a slip")
+    bus.transport.drawer.run(bus.transport.now() + 0.1)
     assert bus.transport.drawer.servos[0].get("torque_enable") == 0
 
 
@@ -392,7 +394,8 @@ def test_all_servos_of_a_bus_get_its_action_and_one_its_own() -> None:
     assert bus.safe_action == "free"
 
 
-def test_an_interrupted_read_does_not_spoil_the_stop() -> None:
+@pytest.mark.parametrize("when", ["while it is sent", "while it is waited for"])
+def test_an_interrupted_read_does_not_spoil_the_stop(when: str) -> None:
     """The answer to it is still under way, and looks like the position that the stop asks for."""
     bus = virtual("rx28@1")
     with pytest.raises(KeyboardInterrupt), bus:
@@ -401,13 +404,21 @@ def test_an_interrupted_read_does_not_spoil_the_stop() -> None:
         servo.start_move(200 * deg, time=1.0)
         bus.transport.sleep(0.5)
         port: VirtualPort = bus.transport
-        read = port.read
+        read, write = port.read, port.write
 
-        def interrupted(timeout: float) -> bytes:
+        def interrupted_read(timeout: float) -> bytes:
             port.read = read  # type: ignore[method-assign]
             raise KeyboardInterrupt
 
-        port.read = interrupted  # type: ignore[method-assign]
+        def interrupted_write(data: bytes) -> None:
+            port.write = write  # type: ignore[method-assign]
+            write(data)
+            raise KeyboardInterrupt
+
+        if when == "while it is sent":
+            port.write = interrupted_write  # type: ignore[method-assign]
+        else:
+            port.read = interrupted_read  # type: ignore[method-assign]
         servo.read(RX28.goal_position)
     port.drawer.run(port.now() + 0.1)
     real = port.drawer.servos[0]
