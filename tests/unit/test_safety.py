@@ -17,9 +17,11 @@ from servobus import DRS0602, LX16A, MODELS, RX28, BusError, Stopped, TorqueOff,
 from servobus.aio import AsyncBus
 from servobus.bus import Bus
 from servobus.virtual.inprocess import VirtualPort
+from servobus.waiting import carry_out
 from unit.lossy import ASYNC, SYNC
 from unit.scripted import Scripted
 from unit.served import PATIENCE, Arm, frees, stops
+from unit.test_bus import ANSWER
 
 DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
 COMMON = """
@@ -426,6 +428,16 @@ def test_an_interrupted_read_does_not_spoil_the_stop(when: str) -> None:
     # At 50°/s and less than 0.1 s for the stop it is within 5° of where it was; its old goal is 25° away.
     assert abs(goal - real.position) < 5 * deg
     assert goal < 190 * deg
+
+
+def test_whoever_takes_the_line_over_waits_for_what_is_under_way() -> None:
+    """A question was sent and its asker has gone: its answer is none to the same question asked again."""
+    port = Scripted(ANSWER, "FF FF 01 03 00 21 DA")  # 32 °C, then 33 °C: 01+03+21 = 25
+    bus = Bus(port, echo=False)
+    question = bus.attach(RX28, 1)._question(RX28.present_temperature)
+    port.write(question.request)
+    with bus._seized(interrupt=True) as link:
+        assert carry_out(link, link.carry(question)) == 33.0
 
 
 def test_nothing_moves_any_more_once_the_bus_ends() -> None:
