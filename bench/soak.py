@@ -182,10 +182,10 @@ class Chunk:
     async def _transaction(self, number: int) -> None:
         port, rng, tally = self.port, self.random, self.tally
         real = self.reals[rng.randrange(len(self.reals))]
-        self._turn(real)
+        here = self._turn(real)
         started, port.heard = port.now(), b""
         names, wanted = self._order(rng)
-        before = [real.get(name) for name in names]
+        before = [here if name == POSITION else real.get(name) for name in names]
         what = f"{number}: {'async ' * self.asynchronous}{real} {'write' if wanted else 'read'} {' '.join(names)}"
         tally.transactions += 1
         try:
@@ -208,13 +208,11 @@ class Chunk:
             self._judge(what, real, names, before, wanted, values, started)
         self._watch_doubt()
 
-    def _turn(self, real: VirtualServo) -> None:
-        """Turn the shaft to another place by hand, and let the servo notice."""
-        low, high = RANGES[self.key]
-        raw = self.random.randint(low, high)
-        real.shaft.position = real.model.register(POSITION).decode(raw)
-        self.port.sleep(1.01 * real.tick)
-        real.advance(self.port.now())
+    def _turn(self, real: VirtualServo) -> int:
+        """Turn the shaft to another place by hand; give what its sensor tells there."""
+        raw = self.random.randint(*RANGES[self.key])
+        real.turn_shaft(real.model.register(POSITION).decode(raw))
+        return raw
 
     def _order(self, rng: random.Random) -> tuple[tuple[str, ...], dict[str, int]]:
         """Choose what to read, or what to write."""
@@ -262,7 +260,7 @@ class Chunk:
         values: list[int],
         started: float,
     ) -> None:
-        after = [real.get(name) for name in names]
+        after = [then if name == POSITION else real.get(name) for name, then in zip(names, before, strict=True)]
         if wanted and not self.acknowledged:
             self.tally.unknown += 1
             return
