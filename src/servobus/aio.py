@@ -12,9 +12,10 @@ import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Mapping
 from contextlib import asynccontextmanager
 from types import TracebackType
-from typing import Any, Self, TypeVar, cast
+from typing import Any, Self, TypeVar
 
 from servobus.driver import Driver
+from servobus.errors import PortError
 from servobus.exchange import Exchange, Job
 from servobus.families.base import Target
 from servobus.link import MISSED, Listen, Waits
@@ -91,6 +92,10 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._lock = asyncio.Lock()
+        self._waiter: asyncio.Future[bytes] | None = None
+        """Who waits for bytes."""
+        self._listening: tuple[asyncio.AbstractEventLoop, int] | None = None
+        """The loop that tells when the port's descriptor is readable."""
 
     async def __aenter__(self) -> Self:
         return self
@@ -102,6 +107,11 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
 
     def close(self) -> None:
         """Give the port back. Torque stays as it is."""
+        if self._listening is not None:
+            loop, fd = self._listening
+            self._listening = None
+            if not loop.is_closed():
+                loop.remove_reader(fd)
         self.transport.close()
 
     async def do(self, job: Job[T], baud: int | None = None) -> T:
@@ -119,7 +129,9 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
                 self.link.give_up(job)
                 raise
             result = self.link.quick(job, heard)
-            return cast("T", result) if result is not MISSED else await self._wait(self.link.carry(job, heard))
+            if result is MISSED:
+                return await self._wait(self.link.carry(job, heard))
+            return result  # type: ignore[return-value] # it is a T, as it is not MISSED
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> AsyncMove:
         """Move several servos, id -> angle in rad, that start together and arrive together; see `Bus.move`."""
@@ -175,16 +187,29 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         fd = transport.fileno()
         if fd is None:
             return await asyncio.to_thread(transport.read, timeout)
-        readable = asyncio.Event()
         loop = asyncio.get_running_loop()
-        loop.add_reader(fd, readable.set)
+        if self._listening != (loop, fd):
+            loop.add_reader(fd, self._readable, loop, fd)
+            self._listening = loop, fd
+        self._waiter = waiter = loop.create_future()
+        timer = loop.call_later(timeout, _end, waiter)
         try:
-            await asyncio.wait_for(readable.wait(), timeout)
-        except TimeoutError:
-            return b""
+            return await waiter
         finally:
+            timer.cancel()
+            self._waiter = None
+
+    def _readable(self, loop: asyncio.AbstractEventLoop, fd: int) -> None:
+        """Give bytes to who waits for them. If nobody does, stop listening: the loop would turn and turn."""
+        waiter = self._waiter
+        if waiter is None or waiter.done():
             loop.remove_reader(fd)
-        return transport.read(0)
+            self._listening = None
+            return
+        try:
+            waiter.set_result(self.transport.read(0))
+        except PortError as error:
+            waiter.set_exception(error)
 
     async def _pause(self, seconds: float) -> None:
         if seconds > 0:
@@ -192,3 +217,8 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
                 await asyncio.sleep(seconds)
             else:
                 self.transport.sleep(seconds)
+
+
+def _end(waiter: asyncio.Future[bytes]) -> None:
+    if not waiter.done():
+        waiter.set_result(b"")

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Any, Self, TypeVar, cast
+from typing import Any, Self, TypeVar
 
 from servobus.driver import Driver
 from servobus.exchange import Exchange, Job
@@ -105,7 +105,9 @@ class Bus(Blocking, Driver[BusServo]):
                 self.link.give_up(job)
                 raise
             result = self.link.quick(job, heard)
-            return cast("T", result) if result is not MISSED else self._wait(self.link.carry(job, heard))
+            if result is MISSED:
+                return self._wait(self.link.carry(job, heard))
+            return result  # type: ignore[return-value] # it is a T, as it is not MISSED
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> Move:
         """Move several servos, id -> angle in rad, that start together and arrive together.

@@ -72,37 +72,43 @@ MISSED: Final = object()
 class Latency:
     """How much later than the wire allows answers come: learned from those that come.
 
-    `patience` is how long to wait for one, s: twice the worst of the last some hundred, and SPARE; as long as
-    few have come, at least the transport's own guess.
+    peak      the latest of the last some thousand, s; it fades
+    patience  how long to wait for one, s: twice the peak, and SPARE; as long as few have come, at least the
+              transport's own guess
     """
 
-    __slots__ = ("_known", "_peak", "_transport")
+    __slots__ = ("_transport", "answers", "patience", "peak")
 
     SPARE = 0.004
     FLOOR = 0.010
     """s; assumption: a computer that does other things as well may look that late."""
-    ENOUGH = 50
     LONGEST = 0.15
     """s; what is later than that is a fault and no habit."""
+    ENOUGH = 64
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
-        self._peak = 0.0
-        self._known = 0
-
-    @property
-    def patience(self) -> float:
-        guess = self._transport.latency
-        if self._known > self.ENOUGH and guess > self.FLOOR:
-            guess = self.FLOOR
-        learned = 2 * self._peak + self.SPARE
-        return max(guess, learned)
+        self.answers = 0
+        self.peak = 0.0
+        self.patience = 0.0
+        self.review()
 
     def note(self, late: float) -> None:
         """Learn from an answer that came this many seconds later than the wire allows."""
-        self._known += 1
-        faded = 0.998 * self._peak
-        self._peak = max(faded, late)
+        self.answers += 1
+        if late > self.peak:
+            self.peak = late
+            self.review()
+        elif not self.answers % self.ENOUGH:
+            self.peak = max(late, 0.95 * self.peak)
+            self.review()
+
+    def review(self) -> None:
+        """Work out the patience anew."""
+        guess = self._transport.latency
+        if self.answers >= self.ENOUGH:
+            guess = min(guess, self.FLOOR)
+        self.patience = max(guess, min(2 * self.peak + self.SPARE, self.LONGEST))
 
 
 @frozen
@@ -354,6 +360,7 @@ class Link:
     def _send(self, exchange: Exchange[Any], request: bytes) -> None:
         """Send, and work out when to give up."""
         transport = self.transport
+        self.latency.review()
         self._used_speed = True
         self.stats[exchange.id].sent += 1
         now = transport.now()

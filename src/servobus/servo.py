@@ -321,7 +321,7 @@ class Servo:
         """Make the one exchange that reads one register."""
         reading = self.family.reading(self.target, [register])
         (exchange,), ((_, part, layout),) = reading.exchanges, reading.places
-        answer, unpack, decode = exchange.interpret, layout.unpack, register.decode
+        answer, unpack, decode = exchange.interpret, layout.unpacker(), register.scale.decode
         return exchange.giving(lambda packet: decode(unpack(answer(packet)[part])))
 
     def _own(self, register: Register[T] | str) -> Register[T]:

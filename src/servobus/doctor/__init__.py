@@ -28,9 +28,10 @@ def examine(port: str, plan: Plan, watch: Watcher = lambda *_: None) -> Iterator
             yield from opened(bus)
             there = yield from search(bus, plan, watch)
             if willing := [servo for servo in there if servo.target.answers is not Answers.NOTHING]:
+                # Reading comes first: some errors show themselves only after a while.
+                lost = list(losses(bus, willing, plan.reads, watch)) if plan.reads else []
                 yield from health(bus, willing)
-                if plan.reads:
-                    yield from losses(bus, willing, plan.reads, watch)
+                yield from lost
     except PortLost as error:
         cause = "a loose plug, a bad cable, or servos that draw more current than the adapter can give"
         yield Finding(Level.FAIL, "port", str(error), cause, ("servobus ports",))

@@ -405,5 +405,5 @@ def test_ports_and_files_that_cannot_be_had(tmp_path: Path, refused: Callable[..
         assert f"{taken} exists already and is not replaced" in refused("sniff", port, "--save", taken)
         assert "No such file or directory" in refused("sniff", port, "--save", tmp_path / "no" / "file")
         with serial.Serial(port, exclusive=True):
-            assert "in use by another program" in refused("sniff", port)
+            assert "in use by this process" in refused("sniff", port)
     assert taken.read_text() == "mine"
