@@ -75,9 +75,10 @@ class Latency:
     peak      the latest of the last some thousand, s; it fades
     patience  how long to wait for one, s: twice the peak, and SPARE; as long as few have come, at least the
               transport's own guess
+    soonest   the soonest of the first some dozen, s; below 0 where bytes do not take the time that the speed says
     """
 
-    __slots__ = ("_transport", "answers", "patience", "peak")
+    __slots__ = ("_transport", "answers", "patience", "peak", "soonest")
 
     SPARE = 0.004
     FLOOR = 0.010
@@ -85,10 +86,13 @@ class Latency:
     LONGEST = 0.15
     """s; what is later than that is a fault and no habit."""
     ENOUGH = 64
+    SLACK = 0.1
+    """Share of its time on the wire by which an answer may seem to come too soon: clocks differ."""
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
         self.answers = 0
+        self.soonest = 0.0
         self.peak = 0.0
         self.patience = 0.0
         self.review()
@@ -96,12 +100,18 @@ class Latency:
     def note(self, late: float) -> None:
         """Learn from an answer that came this many seconds later than the wire allows."""
         self.answers += 1
+        if late < self.soonest and self.answers <= self.ENOUGH:
+            self.soonest = late
         if late > self.peak:
             self.peak = late
             self.review()
         elif not self.answers % self.ENOUGH:
             self.peak = max(late, 0.95 * self.peak)
             self.review()
+
+    def impossible(self, late: float, wire: float) -> bool:
+        """Tell whether nothing that is asked now can have been answered so soon; `wire` is what the bits take, s."""
+        return self._transport.timed and self.answers >= self.ENOUGH and late < self.soonest - self.SLACK * wire
 
     def review(self) -> None:
         """Work out the patience anew."""
@@ -262,6 +272,8 @@ class Link:
             return MISSED
         pace = self._pace_now
         late = monotonic() - self._began - pace.wire
+        if late < 0 and self.latency.impossible(late, pace.wire):
+            return MISSED
         counts = pace.counts
         counts.received += 1
         counts.worst = max(counts.worst, late)
@@ -326,13 +338,15 @@ class Link:
             self._send(exchange, request)
         else:
             self._deadline = self._began + self._pace_now.window + self.latency.patience
-            self._clear_at = self._began
+            self._clear_at = self._began + len(request) * BITS_PER_BYTE / transport.baud
         collector = Collector(exchange, self.echo, request)
         chunk = begun or b""
         try:
             while True:
                 if chunk:
                     collector.feed(chunk)
+                    if collector.packet is not None and self._too_soon(exchange, collector.packet):
+                        collector.packet = None  # a stranger: an older answer, or one more to what was asked before
                 left = self._deadline - transport.now()
                 if collector.done or left <= 0:
                     break
@@ -405,11 +419,18 @@ class Link:
             self._unquiet = self._unquiet or not isinstance(error, NoReply | Refused)
             raise
 
+    def _late(self, exchange: Exchange[Any], packet: Packet) -> float:
+        """Tell how much later than its bits allow an answer has come, s."""
+        size = exchange.framing.overhead + len(packet.data)
+        return self.transport.now() - self._clear_at - size * BITS_PER_BYTE / self.transport.baud
+
+    def _too_soon(self, exchange: Exchange[Any], packet: Packet) -> bool:
+        size = len(exchange.request) + exchange.framing.overhead + len(packet.data)
+        return self.latency.impossible(self._late(exchange, packet), size * BITS_PER_BYTE / self.transport.baud)
+
     def _accept(self, exchange: Exchange[Any], packet: Packet) -> None:
         """Take note of an answer."""
-        now = self.transport.now()
-        size = exchange.framing.overhead + len(packet.data)
-        late = now - self._clear_at - size * BITS_PER_BYTE / self.transport.baud
+        now, late = self.transport.now(), self._late(exchange, packet)
         counts = self.stats[packet.id]
         counts.received += 1
         counts.worst = max(counts.worst, late)
