@@ -161,19 +161,21 @@ class Collector(Generic[T]):
     """Picks the reply to one exchange out of what is heard. No port, no clock.
 
     `echo` tells whether the line gives back what was sent; None finds out from the first bytes. `sent` is what
-    was sent, if not just the request.
+    was sent, if not just the request, `longest` how long other packets can be that may come first.
     """
 
     __slots__ = ("_decoder", "_seen", "_sent", "echo", "exchange", "heard", "packet")
 
-    def __init__(self, exchange: Exchange[T], echo: bool | None = False, sent: bytes = b"") -> None:
+    def __init__(
+        self, exchange: Exchange[T], echo: bool | None = False, sent: bytes = b"", longest: int = 0
+    ) -> None:
         self.exchange = exchange
         self.echo = echo
         self._sent = sent or exchange.request
         self.packet: Packet | None = None
         self.heard = bytearray()
         self._seen: list[Event] = []
-        self._decoder = Decoder(exchange.framing, exchange.reply_size)
+        self._decoder = Decoder(exchange.framing, max(exchange.reply_size, longest))
 
     @property
     def done(self) -> bool:

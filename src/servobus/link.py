@@ -339,7 +339,7 @@ class Link:
         else:
             self._deadline = self._began + self._pace_now.window + self.latency.patience
             self._clear_at = self._began + len(request) * BITS_PER_BYTE / transport.baud
-        collector = Collector(exchange, self.echo, request)
+        collector = Collector(exchange, self.echo, request, self._longest(exchange))
         chunk = begun or b""
         try:
             while True:
@@ -459,6 +459,11 @@ class Link:
         if not any(old.reply == reply and old.request == exchange.request for old in lost):
             lost.append(_Lost(reply, exchange.request, self._clear_at))
         self._lost_until = self.transport.now() + SLOWEST
+
+    def _longest(self, exchange: Exchange[Any]) -> int:
+        """Give the size of the longest packet that may come late, in bytes; 0 if none may."""
+        lost = self._lost and [*self._lost.get(exchange.id, ()), *self._lost.get(None, ())]
+        return exchange.framing.overhead + max(max(old.reply.sizes) for old in lost) if lost else 0
 
     def _suspects(self, exchange: Exchange[Any]) -> list[_Lost]:
         """Give the late answers that could be mistaken for the answer to this question."""
