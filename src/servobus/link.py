@@ -396,7 +396,7 @@ class Link:
         if not collector.done:
             collector.quiet()
         if self.echo is False and collector.heard.startswith(exchange.request) and exchange.looks_like_its_reply():
-            self.echo, packet = None, None
+            self.echo = collector.packet = packet = None  # the answer is still to come
             error: BusError | None = BrokenEcho(f"{exchange.what}: the line echoes what is sent; it did not before")
         else:
             self.echo = collector.echo if collector.echo is not None else self.echo
