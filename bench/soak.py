@@ -81,7 +81,7 @@ COMMON = (
 )
 MIXES = (
     # Options of the port, faults, whether replies may overtake each other.
-    ("", COMMON, False),
+    ("", f"{COMMON},echo@full=0.002", False),
     ("", f"{COMMON},reboot=0.001,unplug=0.0005:80ms,gone=0.0005:5ms,gone@write=0.0005:5ms,jitter=3ms", False),
     ("echo=on", f"{COMMON},echo@none=0.002", False),
     ("", f"{COMMON},latency=16ms,jitter=8ms,skew@2=2%", False),

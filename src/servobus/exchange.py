@@ -49,9 +49,17 @@ class Reply:
         return (
             (self.id == other.id or self.id is None or other.id is None)
             and (self.code == other.code or self.code is None or other.code is None)
-            and self.sizes[0] == other.sizes[0]
-            and self.starts == other.starts
+            # An answer without data, as to a PING, could be a refusal of any read.
+            and (
+                self.starts == other.starts
+                if self.sizes[0] == other.sizes[0]
+                else other.sizes[0] in self.sizes
+            )
         )
+
+    def strict(self) -> "Reply":
+        """Give the shape of the full answer alone, without refusals."""
+        return Reply(self.id, self.code, self.sizes[:1], self.starts)
 
 
 class Exchange(Generic[T]):

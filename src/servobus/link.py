@@ -22,7 +22,7 @@ from servobus.framing import Framing, Noise, Packet
 from servobus.protocols.ids import BROADCAST
 from servobus.stats import Counts, Stats
 from servobus.transports.base import Transport
-from servobus.values import frozen
+from servobus.values import frozen, replace
 
 T = TypeVar("T")
 
@@ -140,6 +140,8 @@ class _Lost:
     request: bytes
     due: float
     """Time at which it should have come."""
+    times: int = 1
+    """How often it was asked for in vain."""
 
 
 class Link:
@@ -327,11 +329,11 @@ class Link:
         assert first is not None
         raise first
 
-    def _attempt(self, exchange: Exchange[T], begun: bytes | None = None) -> Waits[T]:
+    def _attempt(self, exchange: Exchange[T], begun: bytes | None = None, *, marking: bool = False) -> Waits[T]:
         transport = self.transport
         request = exchange.request
         if begun is None:
-            yield from self._ready(exchange)
+            yield from self._ready(exchange, marking=marking)
             if self.echo is None and exchange.looks_like_its_reply():
                 # Before such a request goes a byte that servos skip: if it comes back, the rest is an echo too.
                 request = b"\x00" + request
@@ -357,8 +359,11 @@ class Link:
                 self._lose(exchange)  # it may still come; even if who asked gave up
             self._review()
 
-    def _ready(self, exchange: Exchange[Any]) -> Waits[None]:
-        """Wait until nothing stands against sending, and nothing that comes can be mistaken for the answer."""
+    def _ready(self, exchange: Exchange[Any], *, marking: bool = False) -> Waits[None]:
+        """Wait until nothing stands against sending, and nothing that comes can be mistaken for the answer.
+
+        A marker is asked all the same: an older answer to it tells enough.
+        """
         # What can be asked again need not wait for the servos to forget.
         yield from self._until(self._clear_at if exchange.repeatable else max(self._clear_at, self._quiet_at))
         if leftover := self.transport.discard():
@@ -368,7 +373,7 @@ class Link:
             yield from self._drain(exchange)
         if (error := self._doubled.pop(exchange.id, None)) is not None:
             raise error
-        if suspects := self._suspects(exchange):
+        if not marking and (suspects := self._suspects(exchange)):
             yield from self._mark(exchange, suspects)
 
     def _send(self, exchange: Exchange[Any], request: bytes) -> None:
@@ -456,7 +461,11 @@ class Link:
         if reply is None:
             return
         lost = self._lost.setdefault(reply.id, [])
-        if not any(old.reply == reply and old.request == exchange.request for old in lost):
+        for n, old in enumerate(lost):
+            if old.reply == reply and old.request == exchange.request:
+                lost[n] = replace(old, times=old.times + 1)
+                break
+        else:
             lost.append(_Lost(reply, exchange.request, self._clear_at))
         self._lost_until = self.transport.now() + SLOWEST
 
@@ -479,14 +488,14 @@ class Link:
         """Ask something else, whose answer ends all doubts about what comes late."""
         id = exchange.id
         patience = self.latency.patience
-        markers = self._markers(exchange.framing, id) if id != BROADCAST else ()
+        markers = [_strict(marker) for marker in self._markers(exchange.framing, id)] if id != BROADCAST else []
         for marker in markers:
             shape = marker.reply
             every = (*suspects, *self._lost.get(id, ()), *self._lost.get(None, ()))
             if shape is None or any(shape.mistakes(old.reply) for old in every):
                 continue
             try:
-                yield from self._attempt(marker)
+                yield from self._attempt(marker, marking=True)
             except NoReply as error:
                 if self.latency.patience > patience:
                     patience = self.latency.patience  # what came late has taught us to wait longer
@@ -495,7 +504,19 @@ class Link:
                     return  # a servo that answers nothing else may still answer this
                 raise NoReply(f"{exchange.what}: no reply", error.heard) from None
             return
-        # Nothing is left to ask that could not be mistaken: nobody has answered for long. Begin anew.
+        # All of them were asked in vain. Whichever answer to the last of them comes, it comes behind the suspects.
+        lost = [old.request for old in self._lost.get(id, ())]
+        behind = max((lost.index(old.request) for old in suspects if old.request in lost), default=-1)
+        for request in reversed(lost[behind + 1 :]):
+            if (last := next((marker for marker in markers if marker.request == request), None)) is not None:
+                try:
+                    yield from self._attempt(last, marking=True)
+                except NoReply as error:
+                    raise NoReply(f"{exchange.what}: no reply", error.heard) from None
+                return
+        if markers and self.transport.now() <= self._lost_until:
+            raise NoReply(f"{exchange.what}: not asked: an older answer could still come and be taken for this one")
+        # Nobody has answered for long. Begin anew.
         for key in (id, None):
             self._lost.pop(key, None)
 
@@ -506,7 +527,10 @@ class Link:
             self._lost.clear()
         for key in (id, None):
             if key in self._lost and reply is not None:
-                self._lost[key] = [old for old in self._lost[key] if reply.mistakes(old.reply)]
+                # If this may be the answer to an older question of its kind, what was asked behind that is still open.
+                lost = self._lost[key]
+                first = next((n for n, old in enumerate(lost) if reply.mistakes(old.reply)), len(lost))
+                self._lost[key] = lost[first:]
                 if not self._lost[key]:
                     del self._lost[key]
 
@@ -514,9 +538,9 @@ class Link:
         """Take note of a packet that is no answer to what was asked: a late one, or a stranger's."""
         counts = self.stats[packet.id]
         for key in (packet.id, None):
-            for old in self._lost.get(key, ()):
+            for n, old in enumerate(self._lost.get(key, ())):
                 if old.reply.fits(packet):
-                    self._lost[key].remove(old)
+                    self._lost[key][n : n + 1] = [replace(old, times=old.times - 1)] if old.times > 1 else []
                     if not self._lost[key]:
                         del self._lost[key]
                     counts.late += 1
@@ -634,3 +658,11 @@ class Link:
                 return
             for exchange, packet in gathering.feed((yield Listen(left))):
                 self._accept(exchange, packet)
+
+
+def _strict(marker: Exchange[Any]) -> Exchange[None]:
+    """Make a marker of a question: only its full answer counts, for what looks like a refusal may be older."""
+    strict = marker.giving(sent)
+    if strict.reply is not None:
+        strict.reply = strict.reply.strict()
+    return strict
