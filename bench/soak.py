@@ -52,7 +52,7 @@ HANGS = 5.0
 """s of the servos' clock."""
 STUCK = 300.0
 """s of this computer's clock for one chunk, which takes one or two."""
-TELLS = 8
+TELLS = 40
 """Exchanges after a value that was overtaken in which that must be told."""
 REPEATS = 8
 """Troubles that are printed; all are counted."""

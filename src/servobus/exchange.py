@@ -235,8 +235,11 @@ class Collector(Generic[T]):
             self.echo = False
         self._sort(self._decoder.flush())
 
-    def result(self) -> T:
-        """Interpret the reply. Raises Refused, or the BusError that says what went wrong instead."""
+    def result(self, older: int = 0) -> T:
+        """Interpret the reply. Raises Refused, or the BusError that says what went wrong instead.
+
+        `older` answers to the same question may come besides.
+        """
         if self.broken_echo:
             raise self._broken_echo(bytes(self.heard[: len(self._sent)]))
         reply = self.exchange.reply
@@ -244,7 +247,7 @@ class Collector(Generic[T]):
             return self.exchange.interpret(Packet(0, 0))
         if self.packet is None:
             raise self.failure()
-        if any(reply.fits(packet) for packet in self.strangers):
+        if sum(map(reply.fits, self.strangers)) > older:
             raise self.duplicate()
         return self.exchange.interpret(self.packet)
 

@@ -408,6 +408,7 @@ class Link:
             error = None
         counts.checksum += collector.corrupt
         counts.junk += collector.junk
+        older = sum(old.times for old in self._lost.get(exchange.id, ()) if old.request == exchange.request)
         for stranger in collector.strangers:
             self._stray(stranger)
         if packet is not None:
@@ -416,7 +417,7 @@ class Link:
         try:
             if error is not None:
                 raise error
-            return collector.result()
+            return collector.result(older)
         except BusError as error:
             counts.timeouts += isinstance(error, NoReply)
             counts.echo += isinstance(error, BrokenEcho)

