@@ -172,14 +172,14 @@ class Collector(Generic[T]):
     was sent, if not just the request, `longest` how long other packets can be that may come first.
     """
 
-    __slots__ = ("_decoder", "_seen", "_sent", "echo", "exchange", "heard", "packet")
+    __slots__ = ("_decoder", "_seen", "echo", "exchange", "heard", "packet", "sent")
 
     def __init__(
         self, exchange: Exchange[T], echo: bool | None = False, sent: bytes = b"", longest: int = 0
     ) -> None:
         self.exchange = exchange
         self.echo = echo
-        self._sent = sent or exchange.request
+        self.sent = sent or exchange.request
         self.packet: Packet | None = None
         self.heard = bytearray()
         self._seen: list[Event] = []
@@ -191,7 +191,7 @@ class Collector(Generic[T]):
         if self.exchange.reply is not None:
             return self.packet is not None
         # Nothing answers; but an echo must be out of the way before the next request.
-        return self.echo is False or len(self.heard) >= len(self._sent)
+        return self.echo is False or len(self.heard) >= len(self.sent)
 
     @property
     def strangers(self) -> list[Packet]:
@@ -211,11 +211,11 @@ class Collector(Generic[T]):
     @property
     def broken_echo(self) -> bool:
         """Whether the line, known to give back what is sent, gave back something else."""
-        return self.echo is True and bool(self.heard) and not self.heard.startswith(self._sent)
+        return self.echo is True and bool(self.heard) and not self.heard.startswith(self.sent)
 
     def feed(self, chunk: bytes) -> None:
         """Take bytes in; `done` turns true when the reply is among them."""
-        request, before = self._sent, len(self.heard)
+        request, before = self.sent, len(self.heard)
         self.heard += chunk
         if self.echo is None and not request.startswith(bytes(self.heard[: len(request)])):
             self.echo = False
@@ -241,7 +241,7 @@ class Collector(Generic[T]):
         `older` answers to the same question may come besides.
         """
         if self.broken_echo:
-            raise self._broken_echo(bytes(self.heard[: len(self._sent)]))
+            raise self._broken_echo(bytes(self.heard[: len(self.sent)]))
         reply = self.exchange.reply
         if reply is None:
             return self.exchange.interpret(Packet(0, 0))
@@ -261,7 +261,7 @@ class Collector(Generic[T]):
     def failure(self) -> BusError:
         """Say what was heard instead of the reply."""
         exchange = self.exchange
-        what, request = exchange.what, self._sent
+        what, request = exchange.what, self.sent
         heard = bytes(self.heard[len(request) :] if self.echo else self.heard)
         events = exchange.framing.decode(heard)
         for event in events:
@@ -281,7 +281,7 @@ class Collector(Generic[T]):
         return NoReply(f"{what}: no reply")
 
     def _broken_echo(self, heard: bytes) -> BrokenEcho:
-        said = f"{_hex(heard)} came back of {_hex(self._sent)}"
+        said = f"{_hex(heard)} came back of {_hex(self.sent)}"
         return BrokenEcho(
             f"{self.exchange.what}: the echo is broken: {said}; a short circuit, or who else sends?", heard
         )

@@ -162,6 +162,8 @@ class Link:
         self.transport = transport
         self.echo = echo
         """Whether the adapter gives back what it sends; None as long as that is not known."""
+        self._echo_doubted = False
+        """Whether a request has come back, so that from now on a byte goes before those that are like their answers."""
         self.stats = Stats()
         self.latency = Latency(transport)
         self._heard, self._markers = heard, markers
@@ -334,7 +336,7 @@ class Link:
         request = exchange.request
         if begun is None:
             yield from self._ready(exchange, marking=marking)
-            if self.echo is None and exchange.looks_like_its_reply():
+            if (self.echo is None or self._echo_doubted) and exchange.looks_like_its_reply():
                 # Before such a request goes a byte that servos skip: if it comes back, the rest is an echo too.
                 request = b"\x00" + request
             self._send(exchange, request)
@@ -400,8 +402,9 @@ class Link:
         counts = self.stats[exchange.id]
         if not collector.done:
             collector.quiet()
-        if self.echo is False and collector.heard.startswith(exchange.request) and exchange.looks_like_its_reply():
+        if self.echo is False and collector.heard.startswith(collector.sent) and exchange.looks_like_its_reply():
             self.echo = collector.packet = packet = None  # the answer is still to come
+            self._echo_doubted = True  # a servo may answer so, such as one with a voltage error
             error: BusError | None = BrokenEcho(f"{exchange.what}: the line echoes what is sent; it did not before")
         else:
             self.echo = collector.echo if collector.echo is not None else self.echo

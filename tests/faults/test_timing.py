@@ -250,7 +250,7 @@ def test_F11_one_slow_moment_after_calm(driver: str) -> None:
     while rig.port.now() < over:
         rig.try_position()
     assert [rig.try_position(), rig.try_position()] == ["right", "right"]
-    assert set(rig.verdicts) <= {"NoReply", "right", "WrongReply"}
+    assert not {"wrong", "DuplicateId"} & set(rig.verdicts)
 
 
 def test_F11_patience_has_a_limit() -> None:
