@@ -12,15 +12,18 @@ from servobus.errors import BusError, UnknownName
 from servobus.exchange import Exchange, Procedure, SetBaud
 from servobus.families.base import Answers, Family, Model, Target
 from servobus.framing import Framing, Packet
-from servobus.link import Link
 from servobus.operation import Operation
 from servobus.procedures import Course, Found, Survey, Watcher
 from servobus.protocols.ids import LAST_ID, check_id
 from servobus.servo import Servo
 from servobus.stats import Stats
 from servobus.transports.base import Transport
+from servobus.volley import VolleyLink
 
 S = TypeVar("S", bound=Servo)
+
+POSITION_SPEED_LOAD = ("present_position", "present_speed", "present_load")
+"""What a control cycle reads if nothing is said."""
 
 
 class Driver(ABC, Generic[S]):
@@ -32,7 +35,7 @@ class Driver(ABC, Generic[S]):
 
     def __init__(self, transport: Transport, *, bauds: tuple[int, ...] | None = None, echo: bool | None = None) -> None:
         self.transport = transport
-        self.link = Link(transport, echo=echo, heard=self._heard, markers=self._markers)
+        self.link = VolleyLink(transport, echo=echo, heard=self._heard, markers=self._markers)
         self.bauds = bauds
         self.survey = Survey()
         """What the last scan saw, what made no sense included."""
