@@ -281,8 +281,7 @@ class Cycle:
 
     def _send(self, group: _Group, goals: Mapping[Target, int], result: Result) -> Procedure[None]:
         try:
-            for exchange in group.family.goals(goals, self.time):
-                yield exchange
+            yield from group.family.goals(goals, self.time)
         except BusError as error:  # the line was not quiet, or its echo broken
             result.lost.update({target.id: error for target in goals})
 
