@@ -36,7 +36,7 @@ from typing import Any, Self
 
 from servobus.aio import AsyncBus
 from servobus.bus import Bus
-from servobus.errors import BusError, DuplicateId, PortLost, ServobusError
+from servobus.errors import BusError, PortLost, ServobusError
 from servobus.families.base import Answers
 from servobus.models import MODELS
 from servobus.stats import COLUMNS

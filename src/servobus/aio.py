@@ -14,9 +14,9 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import asynccontextmanager, contextmanager
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from servobus.driver import Driver, Reunion
+from servobus.driver import POSITION_SPEED_LOAD, Driver, Reunion
 from servobus.errors import PortError
 from servobus.exchange import Exchange, Job
 from servobus.families.base import Target
@@ -24,6 +24,9 @@ from servobus.link import MISSED, Link, Listen, Waits
 from servobus.operation import Awaiting
 from servobus.procedures import Course
 from servobus.servo import Servo
+
+if TYPE_CHECKING:
+    from servobus.cycle import AsyncBusCycle
 
 T = TypeVar("T")
 
@@ -176,6 +179,19 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             return await self.start_move(goals, time=time, speed=speed)
 
         return AsyncMove(self, start)
+
+    def cycle(
+        self,
+        read: Iterable[str] = POSITION_SPEED_LOAD,
+        write: Iterable[str] = ("goal_position",),
+        servos: Iterable[int] | None = None,
+        *,
+        time: float = 0.0,
+    ) -> "AsyncBusCycle":
+        """Prepare a control cycle; nothing is sent. See `Bus.cycle`."""
+        from servobus.cycle import AsyncBusCycle  # noqa: PLC0415 - only control loops need it
+
+        return AsyncBusCycle(self, self.transport, self._chosen(servos), read, write, time)
 
     @asynccontextmanager
     async def torque(self, ids: Iterable[int] | None = None) -> AsyncIterator["AsyncBus"]:

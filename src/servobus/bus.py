@@ -12,9 +12,9 @@ import threading
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from servobus.driver import Driver, Reunion
+from servobus.driver import POSITION_SPEED_LOAD, Driver, Reunion
 from servobus.exchange import Exchange, Job
 from servobus.families.base import Target
 from servobus.link import MISSED, Link, Waits
@@ -22,6 +22,9 @@ from servobus.operation import Blocking
 from servobus.procedures import Course
 from servobus.servo import Servo
 from servobus.waiting import carry_out
+
+if TYPE_CHECKING:
+    from servobus.cycle import BusCycle
 
 T = TypeVar("T")
 
@@ -150,6 +153,24 @@ class Bus(Blocking, Driver[BusServo]):
         Everything is checked before anything moves. Raises BadValue, TorqueOff or UsageError.
         """
         return Move(self, self.start_move(goals, time=time, speed=speed))
+
+    def cycle(
+        self,
+        read: Iterable[str] = POSITION_SPEED_LOAD,
+        write: Iterable[str] = ("goal_position",),
+        servos: Iterable[int] | None = None,
+        *,
+        time: float = 0.0,
+    ) -> "BusCycle":
+        """Prepare a control cycle that sends goals to servos and reads registers of them; nothing is sent.
+
+        `read` and `write` are names that their models share, `servos` the ids of some in the order of the cable, all
+        known ones by default, `time` the s a goal is given where the family has such a time (0: as fast as possible).
+        Raises UnknownName, UsageError or BadValue.
+        """
+        from servobus.cycle import BusCycle  # noqa: PLC0415 - only control loops need it
+
+        return BusCycle(self, self.transport, self._chosen(servos), read, write, time)
 
     @contextmanager
     def torque(self, ids: Iterable[int] | None = None) -> Iterator["Bus"]:

@@ -24,8 +24,12 @@ from servobus.servo import Servo
 from servobus.stats import Stats
 from servobus.transports.base import Transport
 from servobus.values import frozen, replace
+from servobus.volley import VolleyLink
 
 S = TypeVar("S", bound=Servo)
+
+POSITION_SPEED_LOAD = ("present_position", "present_speed", "present_load")
+"""What a control cycle reads if nothing is said."""
 
 
 @frozen
@@ -324,7 +328,7 @@ class Driver(Safeguard, Generic[S]):
         return list(self._servos)
 
     def _new_link(self) -> Link:
-        return Link(self.transport, echo=self._echo, heard=self._heard, markers=self._markers)
+        return VolleyLink(self.transport, echo=self._echo, heard=self._heard, markers=self._markers)
 
     def _reopened(self) -> None:
         """Begin anew on a port that was opened again: nothing of the old one can come any more."""

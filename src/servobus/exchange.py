@@ -67,11 +67,13 @@ class Exchange(Generic[T]):
     reply       the shape of the answer; None where the servo stays silent
     alarms      reads the alarm bits that stand beside the data in the packet
     turnaround  longest time in seconds between the request's last bit and the reply's first
+    usual       the time that it usually takes at most; the same, if not given
     repeatable  whether it may be sent again if no answer comes: what only asks, and what sets RAM to a value
     """
 
     __slots__ = (
-        "alarms", "framing", "id", "interpret", "repeatable", "reply", "reply_size", "request", "turnaround", "what",
+        "alarms", "framing", "id", "interpret", "repeatable", "reply", "reply_size", "request", "turnaround", "usual",
+        "what",
     )  # fmt: skip
 
     def __init__(
@@ -84,8 +86,10 @@ class Exchange(Generic[T]):
         alarms: Callable[[Packet], int] | None = None,
         turnaround: float = 0.0,
         *,
+        usual: float | None = None,
         repeatable: bool = False,
     ) -> None:
+        self.usual = turnaround if usual is None else usual
         self.what, self.framing, self.request, self.interpret = what, framing, request, interpret
         self.reply, self.alarms, self.turnaround, self.repeatable = reply, alarms, turnaround, repeatable
         self.id = framing.unframe(request)[0].id
@@ -100,7 +104,7 @@ class Exchange(Generic[T]):
         """Make the same question with another way to read the answer."""
         return Exchange(
             self.what, self.framing, self.request, interpret, self.reply, self.alarms, self.turnaround,
-            repeatable=self.repeatable,
+            usual=self.usual, repeatable=self.repeatable,
         )  # fmt: skip
 
     def once(self) -> "Exchange[T]":
@@ -139,9 +143,12 @@ class Volley:
 
     They keep so far apart that no two answers, or on one wire a question and an answer, can meet. The step
     gives a list: for each exchange its result, or the BusError that came of it.
+
+    again   whether what did not come through is asked again, if it is repeatable
     """
 
     exchanges: Sequence[Exchange[Any]]
+    again: bool = True
 
 
 Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Volley
@@ -291,7 +298,7 @@ class Collector(Generic[T]):
 class Gathering:
     """Sorts what is heard after several questions: whose answer is it? No port, no clock.
 
-    All questions are of one protocol. `echo` tells whether the line gives back what was sent.
+    All questions are of one protocol, each to another servo. `echo` tells whether the line gives back what was sent.
     """
 
     def __init__(self, exchanges: Sequence[Exchange[Any]], *, echo: bool = False) -> None:
@@ -299,24 +306,31 @@ class Gathering:
         self.heard = bytearray()
         self.strangers: list[Packet] = []
         """Good packets that answer nothing that was asked."""
-        self.corrupt = 0
-        """Packets with a wrong checksum."""
+        self.corrupt = self.junk = 0
+        """Packets with a wrong checksum, and bytes that were no packet."""
         self._packets: list[Packet | None] = [None] * len(exchanges)
+        self._open = len(exchanges)
         self._doubled: set[int] = set()
+        self._places = {exchange.id: n for n, exchange in enumerate(exchanges)}
         self._echoes = [exchange.request for exchange in exchanges] if echo else []
-        self._decoder = Decoder(exchanges[0].framing, max(exchange.reply_size for exchange in exchanges))
-
-    @property
-    def open(self) -> list[Exchange[Any]]:
-        """Questions without an answer."""
-        return [one for one, packet in zip(self.exchanges, self._packets, strict=True) if packet is None]
+        longest = max(max(exchange.reply_size, len(exchange.request)) for exchange in exchanges)
+        self._decoder = Decoder(exchanges[0].framing, longest)
 
     @property
     def done(self) -> bool:
-        return None not in self._packets
+        return not self._open
 
-    def feed(self, chunk: bytes) -> list[tuple[Exchange[Any], Packet]]:
-        """Take bytes in; give the answers that are complete now."""
+    @property
+    def noisy(self) -> bool:
+        """Whether something was heard that is no packet, or a broken one."""
+        return bool(self.corrupt or self.junk)
+
+    def answered(self, n: int) -> bool:
+        """Tell whether the question with this number has its answer."""
+        return self._packets[n] is not None
+
+    def feed(self, chunk: bytes) -> list[tuple[int, Packet]]:
+        """Take bytes in; give the answers that are complete now, with the numbers of their questions."""
         self.heard += chunk
         return self._sort(self._decoder.feed(chunk))
 
@@ -325,50 +339,46 @@ class Gathering:
         self._sort(self._decoder.flush())
         return [self._result(n) for n in range(len(self.exchanges))]
 
-    def _sort(self, events: Sequence[Event]) -> list[tuple[Exchange[Any], Packet]]:
+    def _sort(self, events: Sequence[Event]) -> list[tuple[int, Packet]]:
         answers = []
         for event in events:
             if isinstance(event, Corrupt):
                 self.corrupt += 1
-            if not isinstance(event, Packet):
-                continue
-            frame = self.exchanges[0].framing.frame(event)
-            if frame in self._echoes:
+            elif isinstance(event, Noise):
+                self.junk += len(event.raw)
+            elif self._echoes and (frame := self.exchanges[0].framing.frame(event)) in self._echoes:
                 self._echoes.remove(frame)
-                continue
-            n = self._asked(event)
-            if n is None:
+            elif (n := self._asked(event)) is None:
                 self.strangers.append(event)
             elif self._packets[n] is None:
                 self._packets[n] = event
-                answers.append((self.exchanges[n], event))
+                self._open -= 1
+                answers.append((n, event))
             else:
                 self._doubled.add(n)
         return answers
 
     def _asked(self, packet: Packet) -> int | None:
-        """Find the question that a packet answers: an open one, or else one that is answered already."""
-        fitting = [n for n, one in enumerate(self.exchanges) if one.reply is not None and one.reply.fits(packet)]
-        return next((n for n in fitting if self._packets[n] is None), fitting[0] if fitting else None)
+        """Find the question that a packet answers."""
+        n = self._places.get(packet.id)
+        reply = None if n is None else self.exchanges[n].reply
+        return n if reply is not None and reply.fits(packet) else None
 
     def _result(self, n: int) -> Any:
         exchange, packet = self.exchanges[n], self._packets[n]
-        collector = Collector(exchange)
-        collector.packet = packet
         if n in self._doubled:
+            collector = Collector(exchange)
+            collector.packet = packet
             return collector.duplicate()
         try:
             if packet is not None:
                 return exchange.interpret(packet)
         except BusError as error:
             return error
-        if self.corrupt or self._noise():
+        if self.noisy:
             hint = "or two servos with one id?"
             return Garbled(f"{exchange.what}: no clear answer, while others were asked too: noise, {hint}")
         return NoReply(f"{exchange.what}: no reply")
-
-    def _noise(self) -> bool:
-        return any(isinstance(event, Noise) for event in self.exchanges[0].framing.decode(bytes(self.heard)))
 
 
 def _cut_short(framing: Framing, heard: bytes) -> str:

@@ -17,7 +17,7 @@ from time import monotonic
 from typing import Any, Final, TypeAlias, TypeVar
 
 from servobus.errors import BrokenEcho, BusError, DuplicateId, LineBusy, NoReply, Refused, Stopped
-from servobus.exchange import Collector, Exchange, Gathering, Job, Pause, Reply, SetBaud, Step, Volley, sent
+from servobus.exchange import Collector, Exchange, Job, Pause, Reply, SetBaud, Step, Volley, sent
 from servobus.framing import Framing, Noise, Packet
 from servobus.protocols.ids import BROADCAST
 from servobus.stats import Counts, Stats
@@ -39,13 +39,6 @@ DEADLINE = 0.5
 """s after which a question is not asked again."""
 SLOWEST = 2.0
 """s; assumption: no servo answers later than this, whatever it does. Adapters may, but in order."""
-APART = 0.002
-"""s that questions on a shared wire keep from each other beyond their answers: assumption, USB adapters send in
-frames of 1 ms, so that two requests can come closer by one."""
-MARGIN = 2
-"""Bytes between two answers that come in while questions go out; assumption."""
-DEPTH = 32
-"""Questions under way at once, at most."""
 
 
 @frozen
@@ -176,8 +169,6 @@ class Link:
         self._answered: Exchange[Any] | None = None
         self._alarming: set[int] = set()
         """Ids whose last reply had an alarm in it."""
-        self._trouble = 0
-        """Grows where several questions under way at once did not all come through."""
         self._used_speed = False
         """Whether anything was sent since the speed last changed."""
         self._quiet_at = 0.0
@@ -222,7 +213,7 @@ class Link:
         if isinstance(step, Exchange):
             return (yield from self.carry(step))
         if isinstance(step, Volley):
-            return (yield from self._volley(step.exchanges))
+            return (yield from self._volley(step))
         if isinstance(step, SetBaud):
             yield from self.set_baud(step.baud)
         else:
@@ -302,7 +293,7 @@ class Link:
         It lets what was under way come in before it sends anything.
         """
         self.retired = self._wary = True
-        link = Link(self.transport, echo=self.echo, heard=self._heard, markers=self._markers)
+        link = type(self)(self.transport, echo=self.echo, heard=self._heard, markers=self._markers)
         link.stats, link.latency, link._lost = self.stats, self.latency, dict(self._lost)
         link._lost_until = self._lost_until
         link._quiet_at, link._used_speed, link._unquiet = self._quiet_at, True, True
@@ -443,7 +434,7 @@ class Link:
         for stranger in collector.strangers:
             self._stray(stranger)
         if packet is not None:
-            self._accept(exchange, packet)
+            self._accept(exchange, packet, self._clear_at)
             self._clear_at = 0.0  # what is answered has left
         try:
             if error is not None:
@@ -456,18 +447,19 @@ class Link:
             self._unquiet = self._unquiet or not isinstance(error, NoReply | Refused)
             raise
 
-    def _late(self, exchange: Exchange[Any], packet: Packet) -> float:
-        """Tell how much later than its bits allow an answer has come, s."""
+    def _late(self, exchange: Exchange[Any], packet: Packet, left: float) -> float:
+        """Tell how much later than its bits allow an answer has come, s, to a request that had left at that time."""
         size = exchange.framing.overhead + len(packet.data)
-        return self.transport.now() - self._clear_at - size * BITS_PER_BYTE / self.transport.baud
+        return self.transport.now() - left - size * BITS_PER_BYTE / self.transport.baud
 
     def _too_soon(self, exchange: Exchange[Any], packet: Packet) -> bool:
         size = len(exchange.request) + exchange.framing.overhead + len(packet.data)
-        return self.latency.impossible(self._late(exchange, packet), size * BITS_PER_BYTE / self.transport.baud)
+        late = self._late(exchange, packet, self._clear_at)
+        return self.latency.impossible(late, size * BITS_PER_BYTE / self.transport.baud)
 
-    def _accept(self, exchange: Exchange[Any], packet: Packet) -> None:
-        """Take note of an answer."""
-        now, late = self.transport.now(), self._late(exchange, packet)
+    def _accept(self, exchange: Exchange[Any], packet: Packet, left: float) -> None:
+        """Take note of an answer to a request that had left at that time."""
+        now, late = self.transport.now(), self._late(exchange, packet, left)
         counts = self.stats[packet.id]
         counts.received += 1
         counts.worst = max(counts.worst, late)
@@ -612,84 +604,19 @@ class Link:
 
     # Several at once
 
-    def _volley(self, exchanges: Sequence[Exchange[Any]]) -> Waits[list[Any]]:
-        results: list[Any] = []
-        rest = list(exchanges)
-        while rest:
-            if self.echo is None or self._trouble > 8 or self._suspects(rest[0]):
-                results.append((yield from self._caught(rest.pop(0))))
-                self._trouble = max(0, self._trouble - 1)
-                continue
-            depth = next((n for n, one in enumerate(rest) if self._suspects(one)), DEPTH)
-            salvo, rest = rest[: min(depth, DEPTH)], rest[min(depth, DEPTH) :]
-            results += yield from self._salvo(salvo)
+    def _volley(self, volley: Volley) -> Waits[list[Any]]:
+        """Ask one after the other; servobus.volley does better."""
+        results = []
+        for exchange in volley.exchanges:
+            results += [(yield from self._caught(exchange, again=volley.again))]
         return results
 
-    def _caught(self, exchange: Exchange[Any]) -> Waits[Any]:
+    def _caught(self, exchange: Exchange[Any], *, again: bool) -> Waits[Any]:
+        """Ask, and give what went wrong instead of raising it."""
         try:
-            return (yield from self.carry(exchange))
+            return (yield from (self.carry(exchange) if again else self._attempt(exchange)))
         except BusError as error:
             return error
-
-    def _salvo(self, exchanges: Sequence[Exchange[Any]]) -> Waits[list[Any]]:
-        """Send several questions without waiting for each answer; ask again singly what did not come through."""
-        yield from self._ready(exchanges[0].once())
-        gathering = Gathering(exchanges, echo=self.echo is True)
-        try:
-            if exchanges[0].framing.filler:
-                yield from self._stream(gathering)
-            else:
-                yield from self._space(gathering)
-        except BaseException:
-            for exchange in gathering.open:
-                self._lose(exchange)
-            raise
-        results = gathering.results()
-        for stranger in gathering.strangers:
-            self._stray(stranger)
-        failed = [n for n, result in enumerate(results) if isinstance(result, BusError)]
-        for n in failed:
-            self._lose(exchanges[n])
-            self._unquiet = self._unquiet or not isinstance(results[n], NoReply)
-        again = [n for n in failed if exchanges[n].repeatable and not isinstance(results[n], DuplicateId)]
-        self._trouble = self._trouble + 4 * len(again) if again else max(0, self._trouble - 1)
-        for n, exchange in enumerate(exchanges):
-            counts = self.stats[exchange.id]
-            counts.timeouts += isinstance(results[n], NoReply)
-            counts.checksum += isinstance(results[n], BusError) and gathering.corrupt > 0
-        for n in again:
-            self.stats[exchanges[n].id].retries += 1
-            results[n] = yield from self._caught(exchanges[n])
-        return results
-
-    def _stream(self, gathering: Gathering) -> Waits[None]:
-        """Full duplex: bytes that no servo takes for a packet keep the questions as far apart as the answers need."""
-        exchanges = gathering.exchanges
-        data = bytearray()
-        for exchange in exchanges:
-            apart = max(len(exchange.request), exchange.reply_size + MARGIN)
-            data += exchange.request + exchange.framing.filler * (apart - len(exchange.request))
-            self.stats[exchange.id].sent += 1
-        self._send(exchanges[-1], bytes(data))
-        self.stats[exchanges[-1].id].sent -= 1
-        yield from self._gather(gathering, self._deadline)
-
-    def _space(self, gathering: Gathering) -> Waits[None]:
-        """One wire: each question waits until the answer to the last must have left the servo, not until it is here."""
-        byte_time = BITS_PER_BYTE / self.transport.baud
-        for exchange in gathering.exchanges:
-            yield from self._until(self._clear_at)
-            self._send(exchange, exchange.request)
-            answered = SLOW * (exchange.turnaround + exchange.reply_size * byte_time)
-            yield from self._gather(gathering, self._clear_at + answered + APART, exchange)
-        yield from self._gather(gathering, self._deadline)
-
-    def _gather(self, gathering: Gathering, until: float, wanted: Exchange[Any] | None = None) -> Waits[None]:
-        while not gathering.done and (left := until - self.transport.now()) > 0:
-            if wanted is not None and wanted not in gathering.open:
-                return
-            for exchange, packet in gathering.feed((yield Listen(left))):
-                self._accept(exchange, packet)
 
 
 def _strict(marker: Exchange[Any]) -> Exchange[None]:

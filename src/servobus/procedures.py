@@ -88,7 +88,7 @@ def plan(goals: Mapping[Target, float], *, time: float | None = None, speed: flo
     if len(families) != 1:
         raise UsageError(f"one move drives servos of one family, not {' and '.join(sorted(families)) or 'none'}")
 
-    raw = {target: _goal(target, angle) for target, angle in goals.items()}
+    raw = {target: raw_goal(target, angle) for target, angle in goals.items()}
     family = next(iter(goals)).model.family
     distances: dict[Target, float] = {}
     loose = []
@@ -172,7 +172,7 @@ def require_torque(courses: Sequence[Course]) -> None:
         raise TorqueOff(f"{', '.join(loose)}: torque is off, so nothing would move; switch it on first")
 
 
-def _goal(target: Target, angle: float) -> int:
+def raw_goal(target: Target, angle: float) -> int:
     """Turn an angle into a raw goal the model can take. Raises BadValue."""
     row = target.model.register("goal_position")
     try:

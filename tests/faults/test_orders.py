@@ -5,7 +5,7 @@ import math
 import pytest
 
 from faults.rig import DRIVERS, EVERY, Rig
-from servobus import BadValue, EepromWear, MODELS, UsageError, deg
+from servobus import MODELS, BadValue, EepromWear, UsageError, deg
 from servobus.families.base import Answers
 from unit.lossy import SYNC, Bench
 

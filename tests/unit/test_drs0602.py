@@ -195,6 +195,8 @@ def test_shared_names() -> None:
         "torque_enable": "torque_control",
         "goal_position": "absolute_goal_position",
         "present_position": "calibrated_position",
+        "present_speed": "differential_position",
+        "present_load": "pwm",
         "present_voltage": "voltage",
         "present_temperature": "temperature",
     }

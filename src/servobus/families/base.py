@@ -316,6 +316,14 @@ class Family(ABC):
         """Start all legs together."""
 
     @abstractmethod
+    def goals(self, goals: Mapping[Target, int], time: float) -> list[Exchange[None]]:
+        """Give what sends raw goals to servos, in as few packets as the family allows; nothing answers.
+
+        They act as soon as the last has arrived. `time` in s is what the way takes, where moves have a time; 0 is as
+        fast as possible.
+        """
+
+    @abstractmethod
     def moving(self, target: Target) -> Procedure[bool]:
         """Tell whether the servo still moves towards its goal."""
 

@@ -144,6 +144,14 @@ class Dynamixel1(Family):
         for start in range(0, len(ids), most):
             yield from ask(sync_write(goal, {id: data[id] for id in ids[start : start + most]}))
 
+    def goals(self, goals: Mapping[Target, int], time: float) -> list[Exchange[None]]:  # noqa: ARG002 - it has a speed
+        """SYNC_WRITE, as many as 143 bytes each can hold (3-5-7)."""
+        data = [(target, raw.to_bytes(2, "little")) for target, raw in goals.items()]
+        most = (RX_BUFFER - 8) // 3
+        runs = [data[start : start + most] for start in range(0, len(data), most)]
+        address = _address(data[0][0].model.register("goal_position"))
+        return [sync_write(address, {target.id: part for target, part in run}) for run in runs]
+
     def moving(self, target: Target) -> Procedure[bool]:
         (moving,) = yield from ask(self.read(target, [target.model.register("moving")]))
         return bool(moving)

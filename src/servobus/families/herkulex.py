@@ -161,6 +161,12 @@ class Herkulex(Family):
             for i in range(0, len(jogs), MOST_I_JOG):
                 yield from ask(i_jog(BROADCAST, jogs[i : i + MOST_I_JOG]))
 
+    def goals(self, goals: Mapping[Target, int], time: float) -> list[Exchange[None]]:
+        """S_JOG, up to 53 servos each. The lights go out."""
+        jogs = [Jog(target.id, raw) for target, raw in goals.items()]
+        runs = [jogs[start : start + MOST_S_JOG] for start in range(0, len(jogs), MOST_S_JOG)]
+        return [s_jog(BROADCAST, round(time / TICK), run) for run in runs]
+
     def torque_on(self, raw: int) -> bool:
         """Braked is not driven."""
         return raw == TorqueControl.ON

@@ -120,6 +120,12 @@ class Lewansoul(Family):
         if len(legs) > 1:
             yield from ask(move_start())
 
+    def goals(self, goals: Mapping[Target, int], time: float) -> list[Exchange[None]]:
+        """Have each keep its move, and start them together; see `launch`."""
+        give = move_time_write if len(goals) == 1 else move_time_wait_write
+        moves = [give(target.id, raw, target.model.register("goal_time").encode(time)) for target, raw in goals.items()]
+        return moves if len(moves) == 1 else [*moves, move_start()]
+
     def moving(self, target: Target) -> Procedure[bool]:
         """Compare two positions: no flag tells. Slower than one unit in 50 ms (4.8°/s) counts as rest."""
         row = [target.model.register("present_position")]

@@ -246,5 +246,7 @@ class DRS0602(Model):
     torque_enable = torque_control
     goal_position = absolute_goal_position
     present_position = calibrated_position
+    present_speed = differential_position
+    present_load = pwm
     present_voltage = voltage
     present_temperature = temperature

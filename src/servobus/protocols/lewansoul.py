@@ -27,6 +27,8 @@ BAUD = 115_200
 """The only speed (manual 2)."""
 TURNAROUND = 0.010
 """s; assumption: the manual gives no figure, drivers in the field wait 20 to 30 ms for a whole answer."""
+USUAL = 0.005
+"""s; assumption: most answers begin within this time. What is later still counts, but may meet the next question."""
 FULL_OUTPUT = 1000
 """Motor speed that is full output (manual 4, point 21)."""
 
@@ -234,7 +236,10 @@ def question(id: int, command: Command, interpret: Callable[[Packet], T]) -> Exc
         raise BadValue(f"{command.name} to id {BROADCAST} is never answered (manual 3)")
     request = Request(id, command)
     reply = Reply(None if id == BROADCAST else id, int(command), (length_of(command.reply),))
-    return Exchange(str(request), FRAMING, encode(request), interpret, reply, turnaround=TURNAROUND, repeatable=True)
+    return Exchange(
+        str(request), FRAMING, encode(request), interpret, reply,
+        turnaround=TURNAROUND, usual=USUAL, repeatable=True,
+    )  # fmt: skip
 
 
 def move_time_write(id: int, angle: int, time: int) -> Exchange[None]:
