@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, Generic, TypeVar
 
 from servobus import models, procedures
-from servobus.errors import BusError, Restarted, UnknownName
+from servobus.errors import BusError, Restarted, UnknownName, UsageError
 from servobus.exchange import Exchange, Procedure, SetBaud, Volley
 from servobus.families.base import Answers, Family, Model, Target
 from servobus.families.notes import SafeAction
@@ -234,11 +234,11 @@ class Driver(Safeguard, Generic[S]):
         the limit set in the servo. At DERATE, 5 °C below it, it gets half its torque limit (RX-28), half its highest
         output (DRS-0602) or half its speed (LX-16A). At SAFE, at the limit or after 0.5 s of pushing without motion,
         its safe action runs, and commands of motion raise Stopped until a later look finds that it is over. All
-        bounds can be set, from the first call on; see `servobus.guard.Thresholds`. One that does not answer raises
-        NoReply after all others had their turn.
+        bounds can be set, from the first call on; see `servobus.guard.Thresholds`. One that does not answer, or cannot be
+        read, raises NoReply or UsageError after all others had their turn.
         """
         levels = {}
-        first: BusError | None = None
+        first: BusError | UsageError | None = None
         for servo in self:
             yield SetBaud(servo.baud)
             try:
@@ -247,7 +247,7 @@ class Driver(Safeguard, Generic[S]):
                 now = self.transport.now()
                 guarding = self._protections[servo]
                 levels[servo.id] = yield from protect(servo.target, guarding, now, servo.safe_action)
-            except BusError as error:
+            except (BusError, UsageError) as error:
                 first = first or error
         if first is not None:
             raise first
@@ -276,7 +276,7 @@ class Driver(Safeguard, Generic[S]):
             answers = yield Volley([servo.family.ping(servo.id) for servo in group])
             present += [servo for servo, answer in zip(group, answers, strict=True) if answer is None]
         restarted = []
-        for servo in present:
+        for servo in list(present):
             if servo.target.answers is Answers.NOTHING:
                 continue  # it cannot be read
             yield SetBaud(servo.baud)
@@ -285,6 +285,8 @@ class Driver(Safeguard, Generic[S]):
             except Restarted:
                 servo.state = None
                 restarted.append(servo.id)
+            except BusError:
+                present.remove(servo)  # it answered, and then no more
         missing = tuple(servo.id for servo in self if servo not in present)
         return Reunion(tuple(servo.id for servo in present), missing, tuple(restarted))
 
