@@ -49,9 +49,13 @@ class Reply:
         return (
             (self.id == other.id or self.id is None or other.id is None)
             and (self.code == other.code or self.code is None or other.code is None)
-            and self.sizes[0] == other.sizes[0]
-            and self.starts == other.starts
+            # An answer without data, as to a PING, could be a refusal of any read.
+            and (self.starts == other.starts if self.sizes[0] == other.sizes[0] else other.sizes[0] in self.sizes)
         )
+
+    def strict(self) -> "Reply":
+        """Give the shape of the full answer alone, without refusals."""
+        return Reply(self.id, self.code, self.sizes[:1], self.starts)
 
 
 class Exchange(Generic[T]):
@@ -161,19 +165,19 @@ class Collector(Generic[T]):
     """Picks the reply to one exchange out of what is heard. No port, no clock.
 
     `echo` tells whether the line gives back what was sent; None finds out from the first bytes. `sent` is what
-    was sent, if not just the request.
+    was sent, if not just the request, `longest` how long other packets can be that may come first.
     """
 
-    __slots__ = ("_decoder", "_seen", "_sent", "echo", "exchange", "heard", "packet")
+    __slots__ = ("_decoder", "_seen", "echo", "exchange", "heard", "packet", "sent")
 
-    def __init__(self, exchange: Exchange[T], echo: bool | None = False, sent: bytes = b"") -> None:
+    def __init__(self, exchange: Exchange[T], echo: bool | None = False, sent: bytes = b"", longest: int = 0) -> None:
         self.exchange = exchange
         self.echo = echo
-        self._sent = sent or exchange.request
+        self.sent = sent or exchange.request
         self.packet: Packet | None = None
         self.heard = bytearray()
         self._seen: list[Event] = []
-        self._decoder = Decoder(exchange.framing, exchange.reply_size)
+        self._decoder = Decoder(exchange.framing, max(exchange.reply_size, longest))
 
     @property
     def done(self) -> bool:
@@ -181,7 +185,7 @@ class Collector(Generic[T]):
         if self.exchange.reply is not None:
             return self.packet is not None
         # Nothing answers; but an echo must be out of the way before the next request.
-        return self.echo is False or len(self.heard) >= len(self._sent)
+        return self.echo is False or len(self.heard) >= len(self.sent)
 
     @property
     def strangers(self) -> list[Packet]:
@@ -201,11 +205,11 @@ class Collector(Generic[T]):
     @property
     def broken_echo(self) -> bool:
         """Whether the line, known to give back what is sent, gave back something else."""
-        return self.echo is True and bool(self.heard) and not self.heard.startswith(self._sent)
+        return self.echo is True and bool(self.heard) and not self.heard.startswith(self.sent)
 
     def feed(self, chunk: bytes) -> None:
         """Take bytes in; `done` turns true when the reply is among them."""
-        request, before = self._sent, len(self.heard)
+        request, before = self.sent, len(self.heard)
         self.heard += chunk
         if self.echo is None and not request.startswith(bytes(self.heard[: len(request)])):
             self.echo = False
@@ -225,16 +229,19 @@ class Collector(Generic[T]):
             self.echo = False
         self._sort(self._decoder.flush())
 
-    def result(self) -> T:
-        """Interpret the reply. Raises Refused, or the BusError that says what went wrong instead."""
+    def result(self, older: int = 0) -> T:
+        """Interpret the reply. Raises Refused, or the BusError that says what went wrong instead.
+
+        `older` answers to the same question may come besides.
+        """
         if self.broken_echo:
-            raise self._broken_echo(bytes(self.heard[: len(self._sent)]))
+            raise self._broken_echo(bytes(self.heard[: len(self.sent)]))
         reply = self.exchange.reply
         if reply is None:
             return self.exchange.interpret(Packet(0, 0))
         if self.packet is None:
             raise self.failure()
-        if any(reply.fits(packet) for packet in self.strangers):
+        if sum(map(reply.fits, self.strangers)) > older:
             raise self.duplicate()
         return self.exchange.interpret(self.packet)
 
@@ -248,7 +255,7 @@ class Collector(Generic[T]):
     def failure(self) -> BusError:
         """Say what was heard instead of the reply."""
         exchange = self.exchange
-        what, request = exchange.what, self._sent
+        what, request = exchange.what, self.sent
         heard = bytes(self.heard[len(request) :] if self.echo else self.heard)
         events = exchange.framing.decode(heard)
         for event in events:
@@ -268,7 +275,7 @@ class Collector(Generic[T]):
         return NoReply(f"{what}: no reply")
 
     def _broken_echo(self, heard: bytes) -> BrokenEcho:
-        said = f"{_hex(heard)} came back of {_hex(self._sent)}"
+        said = f"{_hex(heard)} came back of {_hex(self.sent)}"
         return BrokenEcho(
             f"{self.exchange.what}: the echo is broken: {said}; a short circuit, or who else sends?", heard
         )

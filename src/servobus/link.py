@@ -22,7 +22,7 @@ from servobus.framing import Framing, Noise, Packet
 from servobus.protocols.ids import BROADCAST
 from servobus.stats import Counts, Stats
 from servobus.transports.base import Transport
-from servobus.values import frozen
+from servobus.values import frozen, replace
 
 T = TypeVar("T")
 
@@ -75,9 +75,10 @@ class Latency:
     peak      the latest of the last some thousand, s; it fades
     patience  how long to wait for one, s: twice the peak, and SPARE; as long as few have come, at least the
               transport's own guess
+    soonest   the soonest of the first some dozen, s; below 0 where bytes do not take the time that the speed says
     """
 
-    __slots__ = ("_transport", "answers", "patience", "peak")
+    __slots__ = ("_transport", "answers", "patience", "peak", "soonest")
 
     SPARE = 0.004
     FLOOR = 0.010
@@ -85,10 +86,13 @@ class Latency:
     LONGEST = 0.15
     """s; what is later than that is a fault and no habit."""
     ENOUGH = 64
+    SLACK = 0.1
+    """Share of its time on the wire by which an answer may seem to come too soon: clocks differ."""
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
         self.answers = 0
+        self.soonest = 0.0
         self.peak = 0.0
         self.patience = 0.0
         self.review()
@@ -96,12 +100,18 @@ class Latency:
     def note(self, late: float) -> None:
         """Learn from an answer that came this many seconds later than the wire allows."""
         self.answers += 1
+        if late < self.soonest and self.answers <= self.ENOUGH:
+            self.soonest = late
         if late > self.peak:
             self.peak = late
             self.review()
         elif not self.answers % self.ENOUGH:
             self.peak = max(late, 0.95 * self.peak)
             self.review()
+
+    def impossible(self, late: float, wire: float) -> bool:
+        """Tell whether nothing that is asked now can have been answered so soon; `wire` is what the bits take, s."""
+        return self._transport.timed and self.answers >= self.ENOUGH and late < self.soonest - self.SLACK * wire
 
     def review(self) -> None:
         """Work out the patience anew."""
@@ -130,6 +140,8 @@ class _Lost:
     request: bytes
     due: float
     """Time at which it should have come."""
+    times: int = 1
+    """How often it was asked for in vain."""
 
 
 class Link:
@@ -150,6 +162,8 @@ class Link:
         self.transport = transport
         self.echo = echo
         """Whether the adapter gives back what it sends; None as long as that is not known."""
+        self._echo_doubted = False
+        """Whether a request has come back, so that from now on a byte goes before those that are like their answers."""
         self.stats = Stats()
         self.latency = Latency(transport)
         self._heard, self._markers = heard, markers
@@ -265,6 +279,8 @@ class Link:
             return MISSED
         pace = self._pace_now
         late = monotonic() - self._began - pace.wire
+        if late < 0 and self.latency.impossible(late, pace.wire):
+            return MISSED
         counts = pace.counts
         counts.received += 1
         counts.worst = max(counts.worst, late)
@@ -340,35 +356,42 @@ class Link:
         assert first is not None
         raise first
 
-    def _attempt(self, exchange: Exchange[T], begun: bytes | None = None) -> Waits[T]:
+    def _attempt(self, exchange: Exchange[T], begun: bytes | None = None, *, marking: bool = False) -> Waits[T]:
         transport = self.transport
         request = exchange.request
         if begun is None:
-            yield from self._ready(exchange)
-            if self.echo is None and exchange.looks_like_its_reply():
+            yield from self._ready(exchange, marking=marking)
+            if (self.echo is None or self._echo_doubted) and exchange.looks_like_its_reply():
                 # Before such a request goes a byte that servos skip: if it comes back, the rest is an echo too.
                 request = b"\x00" + request
             self._send(exchange, request)
         else:
             self._deadline = self._began + self._pace_now.window + self.latency.patience
-            self._clear_at = self._began
-        collector = Collector(exchange, self.echo, request)
+            self._clear_at = self._began + len(request) * BITS_PER_BYTE / transport.baud
+        collector = Collector(exchange, self.echo, request, self._longest(exchange))
+        chunk = begun or b""
+        left = 1.0
         try:
-            if begun:
-                collector.feed(begun)
-            left = 1.0
-            while left > 0 and not collector.done:
+            while True:
+                collector.feed(chunk)
+                if collector.packet is not None and self._too_soon(exchange, collector.packet):
+                    collector.packet = None  # a stranger: an older answer, or one more to what was asked before
+                if collector.done or left <= 0:
+                    break
                 # When time is up the answer may be here all the same, if this computer stalled: look once more.
                 left = self._deadline - transport.now()
-                collector.feed((yield Listen(max(left, 0.0))))
+                chunk = yield Listen(max(left, 0.0))
             return self._judge(collector)
         finally:
             if collector.packet is None or collector.broken_echo:
                 self._lose(exchange)  # it may still come; even if who asked gave up
             self._review()
 
-    def _ready(self, exchange: Exchange[Any]) -> Waits[None]:
-        """Wait until nothing stands against sending, and nothing that comes can be mistaken for the answer."""
+    def _ready(self, exchange: Exchange[Any], *, marking: bool = False) -> Waits[None]:
+        """Wait until nothing stands against sending, and nothing that comes can be mistaken for the answer.
+
+        A marker is asked all the same: an older answer to it tells enough.
+        """
         self.check()
         # What can be asked again need not wait for the servos to forget.
         yield from self._until(self._clear_at if exchange.repeatable else max(self._clear_at, self._quiet_at))
@@ -379,7 +402,7 @@ class Link:
             yield from self._drain(exchange)
         if (error := self._doubled.pop(exchange.id, None)) is not None:
             raise error
-        if suspects := self._suspects(exchange):
+        if not marking and (suspects := self._suspects(exchange)):
             yield from self._mark(exchange, suspects)
 
     def _send(self, exchange: Exchange[Any], request: bytes) -> None:
@@ -407,14 +430,16 @@ class Link:
         counts = self.stats[exchange.id]
         if not collector.done:
             collector.quiet()
-        if self.echo is False and collector.heard.startswith(exchange.request) and exchange.looks_like_its_reply():
-            self.echo, packet = None, None
+        if self.echo is False and collector.heard.startswith(collector.sent) and exchange.looks_like_its_reply():
+            self.echo = collector.packet = packet = None  # the answer is still to come
+            self._echo_doubted = True  # a servo may answer so, such as one with a voltage error
             error: BusError | None = BrokenEcho(f"{exchange.what}: the line echoes what is sent; it did not before")
         else:
             self.echo = collector.echo if collector.echo is not None else self.echo
             error = None
         counts.checksum += collector.corrupt
         counts.junk += collector.junk
+        older = sum(old.times for old in self._lost.get(exchange.id, ()) if old.request == exchange.request)
         for stranger in collector.strangers:
             self._stray(stranger)
         if packet is not None:
@@ -423,7 +448,7 @@ class Link:
         try:
             if error is not None:
                 raise error
-            return collector.result()
+            return collector.result(older)
         except BusError as error:
             counts.timeouts += isinstance(error, NoReply)
             counts.echo += isinstance(error, BrokenEcho)
@@ -431,11 +456,18 @@ class Link:
             self._unquiet = self._unquiet or not isinstance(error, NoReply | Refused)
             raise
 
+    def _late(self, exchange: Exchange[Any], packet: Packet) -> float:
+        """Tell how much later than its bits allow an answer has come, s."""
+        size = exchange.framing.overhead + len(packet.data)
+        return self.transport.now() - self._clear_at - size * BITS_PER_BYTE / self.transport.baud
+
+    def _too_soon(self, exchange: Exchange[Any], packet: Packet) -> bool:
+        size = len(exchange.request) + exchange.framing.overhead + len(packet.data)
+        return self.latency.impossible(self._late(exchange, packet), size * BITS_PER_BYTE / self.transport.baud)
+
     def _accept(self, exchange: Exchange[Any], packet: Packet) -> None:
         """Take note of an answer."""
-        now = self.transport.now()
-        size = exchange.framing.overhead + len(packet.data)
-        late = now - self._clear_at - size * BITS_PER_BYTE / self.transport.baud
+        now, late = self.transport.now(), self._late(exchange, packet)
         counts = self.stats[packet.id]
         counts.received += 1
         counts.worst = max(counts.worst, late)
@@ -461,9 +493,18 @@ class Link:
         if reply is None:
             return
         lost = self._lost.setdefault(reply.id, [])
-        if not any(old.reply == reply and old.request == exchange.request for old in lost):
+        for n, old in enumerate(lost):
+            if old.reply == reply and old.request == exchange.request:
+                lost[n] = replace(old, times=old.times + 1)
+                break
+        else:
             lost.append(_Lost(reply, exchange.request, self._clear_at))
         self._lost_until = self.transport.now() + SLOWEST
+
+    def _longest(self, exchange: Exchange[Any]) -> int:
+        """Give the size of the longest packet that may come late, in bytes; 0 if none may."""
+        lost = self._lost and [*self._lost.get(exchange.id, ()), *self._lost.get(None, ())]
+        return exchange.framing.overhead + max(max(old.reply.sizes) for old in lost) if lost else 0
 
     def _suspects(self, exchange: Exchange[Any]) -> list[_Lost]:
         """Give the late answers that could be mistaken for the answer to this question."""
@@ -479,14 +520,14 @@ class Link:
         """Ask something else, whose answer ends all doubts about what comes late."""
         id = exchange.id
         patience = self.latency.patience
-        markers = self._markers(exchange.framing, id) if id != BROADCAST else ()
+        markers = [_strict(marker) for marker in self._markers(exchange.framing, id)] if id != BROADCAST else []
         for marker in markers:
             shape = marker.reply
             every = (*suspects, *self._lost.get(id, ()), *self._lost.get(None, ()))
             if shape is None or any(shape.mistakes(old.reply) for old in every):
                 continue
             try:
-                yield from self._attempt(marker)
+                yield from self._attempt(marker, marking=True)
             except NoReply as error:
                 if self.latency.patience > patience:
                     patience = self.latency.patience  # what came late has taught us to wait longer
@@ -495,7 +536,19 @@ class Link:
                     return  # a servo that answers nothing else may still answer this
                 raise NoReply(f"{exchange.what}: no reply", error.heard) from None
             return
-        # Nothing is left to ask that could not be mistaken: nobody has answered for long. Begin anew.
+        # All of them were asked in vain. Whichever answer to the last of them comes, it comes behind the suspects.
+        lost = [old.request for old in self._lost.get(id, ())]
+        behind = max((lost.index(old.request) for old in suspects if old.request in lost), default=-1)
+        for request in reversed(lost[behind + 1 :]):
+            if (last := next((marker for marker in markers if marker.request == request), None)) is not None:
+                try:
+                    yield from self._attempt(last, marking=True)
+                except NoReply as error:
+                    raise NoReply(f"{exchange.what}: no reply", error.heard) from None
+                return
+        if markers and self.transport.now() <= self._lost_until:
+            raise NoReply(f"{exchange.what}: not asked: an older answer could still come and be taken for this one")
+        # Nobody has answered for long. Begin anew.
         for key in (id, None):
             self._lost.pop(key, None)
 
@@ -506,7 +559,10 @@ class Link:
             self._lost.clear()
         for key in (id, None):
             if key in self._lost and reply is not None:
-                self._lost[key] = [old for old in self._lost[key] if reply.mistakes(old.reply)]
+                # If this may be the answer to an older question of its kind, what was asked behind that is still open.
+                lost = self._lost[key]
+                first = next((n for n, old in enumerate(lost) if reply.mistakes(old.reply)), len(lost))
+                self._lost[key] = lost[first:]
                 if not self._lost[key]:
                     del self._lost[key]
 
@@ -514,9 +570,9 @@ class Link:
         """Take note of a packet that is no answer to what was asked: a late one, or a stranger's."""
         counts = self.stats[packet.id]
         for key in (packet.id, None):
-            for old in self._lost.get(key, ()):
+            for n, old in enumerate(self._lost.get(key, ())):
                 if old.reply.fits(packet):
-                    self._lost[key].remove(old)
+                    self._lost[key][n : n + 1] = [replace(old, times=old.times - 1)] if old.times > 1 else []
                     if not self._lost[key]:
                         del self._lost[key]
                     counts.late += 1
@@ -634,3 +690,11 @@ class Link:
                 return
             for exchange, packet in gathering.feed((yield Listen(left))):
                 self._accept(exchange, packet)
+
+
+def _strict(marker: Exchange[Any]) -> Exchange[None]:
+    """Make a marker of a question: only its full answer counts, for what looks like a refusal may be older."""
+    strict = marker.giving(sent)
+    if strict.reply is not None:
+        strict.reply = strict.reply.strict()
+    return strict

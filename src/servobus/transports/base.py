@@ -18,6 +18,8 @@ class Transport(ABC):
     baud: int
     latency: float = 0.0
     """Seconds that a reply may be late for reasons of the adapter and the system, not of the servo."""
+    timed: bool = False
+    """Whether bytes take the time here that the speed says, so that no answer comes sooner than its bits allow."""
 
     @abstractmethod
     def write(self, data: bytes) -> None:

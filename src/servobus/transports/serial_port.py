@@ -162,6 +162,7 @@ class SerialPort(Transport):
         self.low_latency = _ask_for_low_latency(port)
         if wired:
             self.adapter = adapter.adapter(name)
+            self.timed = self.adapter is not None
             self.latency = (self.adapter and self.adapter.latency) or LATENCY
 
     # Trouble

@@ -227,7 +227,7 @@ class Injector:
         if wave.start > self._sent_until + min(servo.garbage_timeout for servo in self._line.servos):
             self._requests.drop()  # as the servos did
         self._sent_until = wave.end
-        before = self._requests.position
+        before, behind = self._requests.position, 0
         heard = [True] * len(wave.data)
         parts = [bytes((byte,)) if echo else b"" for byte in wave.data]
         for event in self._requests.feed(wave.data):
@@ -236,12 +236,13 @@ class Injector:
                 stop = event.end - before
                 begin = max(0, stop - self._framing.overhead - len(event.data))
                 for one in self._request_dice:
-                    self._befall(one, wave, slice(begin, stop), heard, parts)
+                    self._befall(one, wave, slice(begin, stop), heard, parts, behind)
+                behind = stop
         echoed = Wave(wave.start, wave.baud, wave.data, None, plain=wave.plain, note=Plan(parts))
         return [wave] if all(heard) else _pieces(wave, heard), [echoed] if any(parts) else []
 
-    def _befall(self, one: Dice, wave: Wave, packet: slice, heard: list[bool], parts: list[bytes]) -> None:
-        """Let a fault act on the request that stands at these bytes of the wave."""
+    def _befall(self, one: Dice, wave: Wave, packet: slice, heard: list[bool], parts: list[bytes], behind: int) -> None:
+        """Let a fault act on the request that stands at these bytes of the wave; the last one ends at `behind`."""
         fault, number, start = one.fault, self._sent, wave.time(packet.start)
         if fault.kind == "unplug" and fault.probability == 1:
             self._unplug(one, number, start)
@@ -249,6 +250,8 @@ class Injector:
             pass  # it is scheduled already
         elif one.hits(number, start):
             if fault.kind == "echo":
+                for at in range(behind, packet.start):  # an adapter that echoes does not know what is a packet
+                    parts[at] = b"" if fault.where == "none" else wave.data[at : at + 1]
                 self._note(one, number, _echo(one, wave.data, packet, parts), start)
             elif fault.kind == "deaf":
                 heard[packet] = [False] * (packet.stop - packet.start)

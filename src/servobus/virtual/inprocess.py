@@ -22,6 +22,8 @@ GRAIN = 200e-6
 class VirtualPort(Transport):
     """A drawer of virtual servos as a transport. The clock starts at 0."""
 
+    timed = True
+
     def __init__(self, name: str, drawer: Drawer, *, real: bool = True) -> None:
         self.name = name
         self.drawer = drawer

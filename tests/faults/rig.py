@@ -1,0 +1,150 @@
+"""Servos whose truth is known, on a line that goes wrong, behind either driver."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from inspect import isawaitable
+from typing import Any
+
+import pytest
+
+from servobus import MODELS, Bus, BusError
+from servobus.aio import AsyncBus
+from servobus.families.base import Answers
+from servobus.virtual.inprocess import VirtualPort, connect
+from servobus.virtual.servo import VirtualServo
+from unit.lossy import ASYNC, SYNC
+
+EVERY = pytest.mark.parametrize("key", MODELS)
+DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
+
+POSITION = "present_position"
+LOW, HIGH = {"rx28": 0, "drs0602": 11_000, "lx16a": 0}, {"rx28": 1023, "drs0602": 22_000, "lx16a": 1000}
+"""Raw positions that are turned to by hand."""
+ALTERING = {"flip", "pair", "junk", "drop", "twin"}
+"""Kinds of fault that change the bytes of a reply."""
+ANOTHER = {"rx28": "punch", "drs0602": "max_pwm", "lx16a": "led"}
+"""A register in RAM; for two of the families its answer is as long as that of the position."""
+
+
+class Port(VirtualPort):
+    """Virtual servos in this process; `sent` is what went out, `heard` what came in."""
+
+    def __init__(self, url: str) -> None:
+        made = connect(url)
+        super().__init__(url, made.drawer, real=False)
+        self.sent: list[bytes] = []
+        self.heard = b""
+
+    def write(self, data: bytes) -> None:
+        self.sent.append(data)
+        super().write(data)
+
+    def read(self, timeout: float) -> bytes:
+        data = super().read(timeout)
+        self.heard += data
+        return data
+
+
+class Rig:
+    """Servos of one family, `port`, and `bus` as a driver for them.
+
+    `verdicts` are what reads came to: "right"; "provable" if it was not but a fault altered the bytes into a packet
+    whose id, command, length and checksum fit, so that nobody could know; "wrong" otherwise; or the name of an exception.
+    """
+
+    def __init__(
+        self,
+        key: str,
+        driver: str = SYNC,
+        *,
+        ids: str = "1-3",
+        options: str = "",
+        echo: bool | None = None,
+        answers: Answers | None = None,
+        settle: bool = True,
+    ) -> None:
+        self.key, self.model = key, MODELS[key]
+        self.port = Port(f"virtual:{key}@{ids}?clock=virtual{options}")
+        self.bus: Any = (AsyncBus if driver == ASYNC else Bus)(self.port, echo=echo)
+        if key != "lx16a":
+            answers = answers if answers is not None else Answers.EVERYTHING
+            for real in self.reals:
+                real.memory.store(self.model.register("answer_level"), answers)
+                real.power_on(0.0)
+        for id in dict.fromkeys(real.id for real in self.reals):
+            self.bus.attach(self.model, id, answers=answers if key != "lx16a" else Answers.READS)
+        self.verdicts: list[str] = []
+        self._turned = 0
+        if settle:
+            self.read()  # finds out about the echo
+
+    @property
+    def reals(self) -> list[VirtualServo]:
+        return self.port.servos
+
+    def real(self, id: int = 1) -> VirtualServo:
+        return next(real for real in self.reals if real.id == id)
+
+    def do(self, job: Callable[[Any], Any]) -> Any:
+        """Carry out a job on the bus, whichever driver it is."""
+
+        async def wait(done: Awaitable[Any]) -> Any:
+            return await done
+
+        done = job(self.bus)
+        return asyncio.run(wait(done)) if isawaitable(done) else done
+
+    def inject(self, faults: str | None) -> None:
+        """Let faults happen from now on, and count requests and replies from 1 on."""
+        self.port.inject(faults)
+        self.port.sent, self.port.heard = [], b""
+
+    def turn(self, id: int = 1) -> int:
+        """Turn a shaft to another place by hand; give what its sensor tells there."""
+        self._turned += 1
+        raw = LOW[self.key] + self._turned * 397 % (HIGH[self.key] - LOW[self.key] + 1)
+        self.real(id).turn_shaft(self.model.register(POSITION).decode(raw))
+        return raw
+
+    def read(self, id: int = 1, name: str = POSITION) -> int:
+        row = self.model.register(name)
+        raw: int = row.scale.encode(self.do(lambda bus: bus[id].read(row)))
+        return raw
+
+    def try_position(self, id: int = 1) -> str:
+        """Turn a shaft, read it, and tell what became of that."""
+        truth, hits, begin = self.turn(id), sum(self.port.drawer.fault_counts.values()), len(self.port.heard)
+        try:
+            value = self.read(id)
+            verdict = "right" if value == truth else "wrong"
+            fresh = sum(self.port.drawer.fault_counts.values()) - hits
+            altered = fresh and any(one.kind in ALTERING for one in self.port.drawer.injected[-fresh:])
+            if verdict == "wrong" and altered and value in told(self.key, id, self.port.heard[begin:]):
+                verdict = "provable"
+        except BusError as error:
+            verdict = type(error).__name__
+        self.verdicts.append(verdict)
+        return verdict
+
+
+# Packets, by the rules of the manuals and not by the code under test
+
+
+def fits(key: str, frame: bytes) -> bool:
+    """Tell whether the checksum of a frame is right (manuals: RX-28 3-3, DRS-0602 5-2, LX-16A 3)."""
+    if key != "drs0602":
+        return ~sum(frame[2:-1]) & 0xFF == frame[-1]
+    check = 0
+    for byte in frame[2:5] + frame[7:]:
+        check ^= byte
+    return frame[5] == check & 0xFE and frame[6] == ~check & 0xFE
+
+
+def told(key: str, id: int, heard: bytes) -> list[int]:
+    """Give the positions in whatever is a good answer of this servo among these bytes."""
+    header = b"\x55\x55" if key == "lx16a" else b"\xff\xff"
+    start = header + {"rx28": bytes([id, 4]), "drs0602": bytes([13, id, 0x44]), "lx16a": bytes([id, 5, 28])}[key]
+    size, at = (13, 9) if key == "drs0602" else (8, 5)
+    frames = (heard[n : n + size] for n in range(len(heard) - size + 1) if heard.startswith(start, n))
+    good = (frame for frame in frames if fits(key, frame) and (key != "drs0602" or frame[7:9] == b"\x3a\x02"))
+    return [int.from_bytes(frame[at : at + 2], "little", signed=key == "lx16a") for frame in good]
