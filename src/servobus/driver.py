@@ -234,8 +234,8 @@ class Driver(Safeguard, Generic[S]):
         the limit set in the servo. At DERATE, 5 °C below it, it gets half its torque limit (RX-28), half its highest
         output (DRS-0602) or half its speed (LX-16A). At SAFE, at the limit or after 0.5 s of pushing without motion,
         its safe action runs, and commands of motion raise Stopped until a later look finds that it is over. All
-        bounds can be set, from the first call on; see `servobus.guard.Thresholds`. One that does not answer, or cannot be
-        read, raises NoReply or UsageError after all others had their turn.
+        bounds can be set, from the first call on; see `servobus.guard.Thresholds`. One that does not answer, or cannot
+        be read, raises NoReply or UsageError after all others had their turn.
         """
         levels = {}
         first: BusError | UsageError | None = None
