@@ -6,7 +6,7 @@ The drivers themselves only differ in how they wait.
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from servobus import models, procedures
 from servobus.errors import BusError, Restarted, UnknownName, UsageError
@@ -14,7 +14,6 @@ from servobus.exchange import Exchange, Procedure, SetBaud, Volley
 from servobus.families.base import Answers, Family, Model, Target
 from servobus.families.notes import SafeAction
 from servobus.framing import Framing, Packet
-from servobus.guard import Level, Protection, Thresholds, protect, protection
 from servobus.link import Link
 from servobus.operation import Operation
 from servobus.procedures import Course, Found, Survey, Watcher
@@ -24,6 +23,9 @@ from servobus.servo import Servo
 from servobus.stats import Stats
 from servobus.transports.base import Transport
 from servobus.values import frozen, replace
+
+if TYPE_CHECKING:
+    from servobus.guard import Level, Protection, Thresholds
 
 S = TypeVar("S", bound=Servo)
 
@@ -227,7 +229,7 @@ class Driver(Safeguard, Generic[S]):
             raise first
 
     @Operation
-    def protect(self, thresholds: Thresholds | None = None) -> Procedure[dict[int, Level]]:
+    def protect(self, thresholds: "Thresholds | None" = None) -> "Procedure[dict[int, Level]]":
         """Look once how hot every known servo is and whether it is stuck, and act on it; id -> level.
 
         To be called again and again, say every 0.1 s: a stall shows only over several looks. WARN is 10 °C below
@@ -237,6 +239,8 @@ class Driver(Safeguard, Generic[S]):
         bounds can be set, from the first call on; see `servobus.guard.Thresholds`. One that does not answer, or cannot
         be read, raises NoReply or UsageError after all others had their turn.
         """
+        from servobus.guard import Thresholds, protect, protection  # noqa: PLC0415 - not everybody wants it
+
         levels = {}
         first: BusError | UsageError | None = None
         for servo in self:
