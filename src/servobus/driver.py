@@ -6,15 +6,14 @@ The drivers themselves only differ in how they wait.
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from servobus import models, procedures
-from servobus.errors import BusError, Restarted, UnknownName
+from servobus.errors import BusError, Restarted, UnknownName, UsageError
 from servobus.exchange import Exchange, Procedure, SetBaud, Volley
 from servobus.families.base import Answers, Family, Model, Target
 from servobus.families.notes import SafeAction
 from servobus.framing import Framing, Packet
-from servobus.guard import Level, Protection, Thresholds, protect, protection
 from servobus.link import Link
 from servobus.operation import Operation
 from servobus.procedures import Course, Found, Survey, Watcher
@@ -25,6 +24,9 @@ from servobus.stats import Stats
 from servobus.transports.base import Transport
 from servobus.values import frozen, replace
 from servobus.volley import VolleyLink
+
+if TYPE_CHECKING:
+    from servobus.guard import Level, Protection, Thresholds
 
 S = TypeVar("S", bound=Servo)
 
@@ -231,18 +233,20 @@ class Driver(Safeguard, Generic[S]):
             raise first
 
     @Operation
-    def protect(self, thresholds: Thresholds | None = None) -> Procedure[dict[int, Level]]:
+    def protect(self, thresholds: "Thresholds | None" = None) -> "Procedure[dict[int, Level]]":
         """Look once how hot every known servo is and whether it is stuck, and act on it; id -> level.
 
         To be called again and again, say every 0.1 s: a stall shows only over several looks. WARN is 10 °C below
         the limit set in the servo. At DERATE, 5 °C below it, it gets half its torque limit (RX-28), half its highest
         output (DRS-0602) or half its speed (LX-16A). At SAFE, at the limit or after 0.5 s of pushing without motion,
         its safe action runs, and commands of motion raise Stopped until a later look finds that it is over. All
-        bounds can be set, from the first call on; see `servobus.guard.Thresholds`. One that does not answer raises
-        NoReply after all others had their turn.
+        bounds can be set, from the first call on; see `servobus.guard.Thresholds`. One that does not answer, or cannot
+        be read, raises NoReply or UsageError after all others had their turn.
         """
+        from servobus.guard import Thresholds, protect, protection  # noqa: PLC0415 - not everybody wants it
+
         levels = {}
-        first: BusError | None = None
+        first: BusError | UsageError | None = None
         for servo in self:
             yield SetBaud(servo.baud)
             try:
@@ -251,7 +255,7 @@ class Driver(Safeguard, Generic[S]):
                 now = self.transport.now()
                 guarding = self._protections[servo]
                 levels[servo.id] = yield from protect(servo.target, guarding, now, servo.safe_action)
-            except BusError as error:
+            except (BusError, UsageError) as error:
                 first = first or error
         if first is not None:
             raise first
@@ -280,7 +284,7 @@ class Driver(Safeguard, Generic[S]):
             answers = yield Volley([servo.family.ping(servo.id) for servo in group])
             present += [servo for servo, answer in zip(group, answers, strict=True) if answer is None]
         restarted = []
-        for servo in present:
+        for servo in list(present):
             if servo.target.answers is Answers.NOTHING:
                 continue  # it cannot be read
             yield SetBaud(servo.baud)
@@ -289,6 +293,8 @@ class Driver(Safeguard, Generic[S]):
             except Restarted:
                 servo.state = None
                 restarted.append(servo.id)
+            except BusError:
+                present.remove(servo)  # it answered, and then no more
         missing = tuple(servo.id for servo in self if servo not in present)
         return Reunion(tuple(servo.id for servo in present), missing, tuple(restarted))
 

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 import servobus
-from servobus import DRS0602, LX16A, MODELS, RX28, BadValue, NoReply, Stopped, deg
+from servobus import DRS0602, LX16A, MODELS, RX28, BadValue, NoReply, Stopped, UsageError, deg
+from servobus.families.base import Answers
 from servobus.guard import Guard, Level, Thresholds
 from servobus.virtual.inprocess import VirtualPort
 from servobus.virtual.servo import VirtualServo
@@ -257,6 +258,19 @@ def test_one_that_is_gone_does_not_keep_the_others_from_being_guarded() -> None:
         bus.protect()
     line.sleep(0.1)
     assert [servo.torque for servo in line.servos[1:]] == [False, False]
+
+
+def test_nor_does_one_that_cannot_be_read() -> None:
+    bus = servobus.open("virtual:rx28@1,lx16a@2?clock=virtual", safe_action="free")
+    bus.attach(RX28, 1, answers=Answers.NOTHING)
+    bus.attach(LX16A, 2).torque_on()
+    line: Any = bus.transport
+    line.servos[1].temperature = 85.0
+    line.sleep(0.1)
+    with pytest.raises(UsageError, match="RX-28 id 1 cannot be read"):
+        bus.protect()
+    line.sleep(0.1)
+    assert not line.servos[1].torque
 
 
 def test_one_that_was_only_looked_at_is_not_switched() -> None:

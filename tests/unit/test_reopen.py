@@ -100,6 +100,16 @@ def test_who_is_missing_and_who_restarted_is_told(driver: str) -> None:
 
 
 @DRIVERS
+def test_one_that_answers_a_ping_and_then_no_more_is_missing(driver: str) -> None:
+    port = Port("lx16a@1", driver)
+    port.know(1)
+    port.do(lambda bus: bus[1].torque_on())
+    port.lose()
+    port.line.inject("mute#2-")
+    assert port.do(lambda bus: bus.reopen()) == Reunion(present=(), missing=(1,), restarted=())
+
+
+@DRIVERS
 def test_an_answer_of_the_old_port_is_none_on_the_new_one(driver: str) -> None:
     """And what was known of the line is found out anew: the new adapter may echo."""
     port = Port("rx28@1", driver)
