@@ -50,11 +50,7 @@ class Reply:
             (self.id == other.id or self.id is None or other.id is None)
             and (self.code == other.code or self.code is None or other.code is None)
             # An answer without data, as to a PING, could be a refusal of any read.
-            and (
-                self.starts == other.starts
-                if self.sizes[0] == other.sizes[0]
-                else other.sizes[0] in self.sizes
-            )
+            and (self.starts == other.starts if self.sizes[0] == other.sizes[0] else other.sizes[0] in self.sizes)
         )
 
     def strict(self) -> "Reply":
@@ -174,9 +170,7 @@ class Collector(Generic[T]):
 
     __slots__ = ("_decoder", "_seen", "echo", "exchange", "heard", "packet", "sent")
 
-    def __init__(
-        self, exchange: Exchange[T], echo: bool | None = False, sent: bytes = b"", longest: int = 0
-    ) -> None:
+    def __init__(self, exchange: Exchange[T], echo: bool | None = False, sent: bytes = b"", longest: int = 0) -> None:
         self.exchange = exchange
         self.echo = echo
         self.sent = sent or exchange.request

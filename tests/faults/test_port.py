@@ -136,9 +136,7 @@ def test_F17_a_port_in_use_is_refused_and_its_holder_named(driver: str) -> None:
             made.do(lambda bus: bus.attach(MODELS["rx28"], 1).ping())
 
 
-THROUGH = (
-    "seed=5,drop=0.06,flip=0.06,junk=0.06:1-16,split=0.06:2ms,mute=0.05,deaf=0.05,stranger=0.05,stall=0.03:60ms,glue=0.03"
-)
+THROUGH = "seed=5,drop=0.06,flip=0.06,junk=0.06:1-16,split=0.06:2ms,mute=0.05,deaf=0.05,stranger=0.05,stall=0.03:60ms,glue=0.03"
 READS = 24
 
 
@@ -160,8 +158,8 @@ def turn(drawer: Drawer, raw: int) -> None:
 @DRIVERS
 @EVERY
 def test_F7_through_the_system_no_value_is_wrong(key: str, driver: str, kind: type[Port]) -> None:
-    """A mix of faults through a pseudo terminal and through TCP, on the real clock: each value is the one that the servo
-    had when it was asked, or there is an exception; and afterwards all is well."""
+    """A mix of faults through a pseudo terminal and through TCP, on the real clock: each value is the one that the
+    servo had when it was asked, or there is an exception; and afterwards all is well."""
     row = MODELS[key].register(POSITION)
     drawer = open_drawer(parse_url(f"virtual:{key}@1"))
     with served(kind(drawer)) as port, client(port.name, driver) as made:

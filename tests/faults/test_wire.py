@@ -150,7 +150,20 @@ def test_F3_pairs_that_cancel_are_the_only_wrong_values(key: str, driver: str) -
     assert "wrong" not in rig.verdicts
 
 
-JUNK = ["01", "FF", "55", "FFFF", "5555", "FFFFFF", "FFFF01", "555501", "FFFF0104", "FFFF0D01", "55550105", "FFFFFFFFFF"]
+JUNK = [
+    "01",
+    "FF",
+    "55",
+    "FFFF",
+    "5555",
+    "FFFFFF",
+    "FFFF01",
+    "555501",
+    "FFFF0104",
+    "FFFF0D01",
+    "55550105",
+    "FFFFFFFFFF",
+]
 
 
 @DRIVERS

@@ -241,9 +241,7 @@ class Injector:
         echoed = Wave(wave.start, wave.baud, wave.data, None, plain=wave.plain, note=Plan(parts))
         return [wave] if all(heard) else _pieces(wave, heard), [echoed] if any(parts) else []
 
-    def _befall(
-        self, one: Dice, wave: Wave, packet: slice, heard: list[bool], parts: list[bytes], behind: int
-    ) -> None:
+    def _befall(self, one: Dice, wave: Wave, packet: slice, heard: list[bool], parts: list[bytes], behind: int) -> None:
         """Let a fault act on the request that stands at these bytes of the wave; the last one ends at `behind`."""
         fault, number, start = one.fault, self._sent, wave.time(packet.start)
         if fault.kind == "unplug" and fault.probability == 1:
