@@ -136,7 +136,8 @@ def test_F17_a_port_in_use_is_refused_and_its_holder_named(driver: str) -> None:
             made.do(lambda bus: bus.attach(MODELS["rx28"], 1).ping())
 
 
-THROUGH = "seed=5,drop=0.06,flip=0.06,junk=0.06:1-16,split=0.06:2ms,mute=0.05,deaf=0.05,stranger=0.05,stall=0.03:60ms,glue=0.03"
+CHANGED = "drop=0.06,flip=0.06,junk=0.06:1-16,split=0.06:2ms"
+LOST = "mute=0.05,deaf=0.05,stranger=0.05,stall=0.03:60ms,glue=0.03"
 READS = 24
 
 
@@ -165,7 +166,7 @@ def test_F7_through_the_system_no_value_is_wrong(key: str, driver: str, kind: ty
     with served(kind(drawer)) as port, client(port.name, driver) as made:
         servo = made.bus.attach(MODELS[key], 1)
         made.do(lambda _: servo.ping())
-        drawer.post(lambda now: drawer.inject(THROUGH, now))
+        drawer.post(lambda now: drawer.inject(f"seed=5,{CHANGED},{LOST}", now))
         heard: list[bytes] = []
         read = made.bus.transport.read
 
