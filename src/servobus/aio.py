@@ -9,21 +9,30 @@ async with servobus.open_async("/dev/ttyUSB0") as bus:
 """
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Mapping
-from contextlib import asynccontextmanager
+import threading
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Iterator, Mapping
+from contextlib import asynccontextmanager, contextmanager
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
-from servobus.driver import Driver
+from servobus.driver import Driver, Reunion
 from servobus.errors import PortError
 from servobus.exchange import Exchange, Job
 from servobus.families.base import Target
-from servobus.link import MISSED, Listen, Waits
+from servobus.link import MISSED, Link, Listen, Waits
 from servobus.operation import Awaiting
 from servobus.procedures import Course
 from servobus.servo import Servo
 
 T = TypeVar("T")
+
+POLITE = 0.1
+"""s that one who must make the servos safe waits for the line before he interrupts who has it."""
+FIRM = 0.4
+"""s after which he does without the other's leave: the loop may be stuck."""
+LOOK = 0.002
+"""s between two looks whether the line is free; no thread can wait for a lock of a loop."""
 
 
 class AsyncMove:
@@ -78,12 +87,20 @@ class AsyncBusServo(Awaiting, Servo):
 
     @asynccontextmanager
     async def torque(self) -> AsyncIterator["AsyncBusServo"]:
-        """Torque on inside the `async with`, off again on the way out."""
+        """Torque on inside the `async with`, off again on the way out.
+
+        After an error the safe action instead, if one was chosen.
+        """
+        rest = [self]
         try:
             await self.torque_on()
             yield self
+        except BaseException:
+            rest = self._bus._secure(rest)
+            raise
         finally:
-            await self.torque_off()
+            if rest:
+                await self.torque_off()
 
 
 class AsyncBus(Awaiting, Driver[AsyncBusServo]):
@@ -92,6 +109,8 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._lock = asyncio.Lock()
+        self._reading = threading.Lock()
+        """Held while a thread reads, where the loop cannot wait by itself."""
         self._waiter: asyncio.Future[bytes] | None = None
         """Who waits for bytes."""
         self._listening: tuple[asyncio.AbstractEventLoop, int] | None = None
@@ -103,34 +122,51 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        try:
+            if self._crashed(error):
+                self._end(safe=True)  # blocking: a second cancellation must not end it halfway
+        finally:
+            self.close()
 
     def close(self) -> None:
         """Give the port back. Torque stays as it is."""
-        if self._listening is not None:
-            loop, fd = self._listening
-            self._listening = None
-            if not loop.is_closed():
-                loop.remove_reader(fd)
+        self._end(safe=False)
+        self._stop_listening()
         self.transport.close()
+
+    async def reopen(self) -> Reunion:
+        """Open the port again after it was lost, and see who is there; see `Bus.reopen`."""
+        async with self._lock:
+            self._stop_listening()  # what is opened may get the same descriptor
+            if self.transport.blocking():
+                await asyncio.to_thread(self.transport.reopen)
+            else:
+                self.transport.reopen()
+            self._reopened()
+        reunion = await self.do(self._reunited())
+        self._after_trip()
+        return reunion
 
     async def do(self, job: Job[T], baud: int | None = None) -> T:
         """Carry out any job, an exchange or a procedure, at this speed or at the one in use."""
         async with self._lock:
+            link = self.link
             if baud is not None and baud != self.transport.baud:
-                await self._wait(self.link.set_baud(baud))
+                await self._wait(link, link.set_baud(baud))
             if type(job) is not Exchange:
-                return await self._wait(self.link.run(job))
-            if not (window := self.link.begin(job)):
-                return await self._wait(self.link.carry(job))
+                return await self._wait(link, link.run(job))
+            if not (window := link.begin(job)):
+                return await self._wait(link, link.carry(job))
             try:
                 heard = await self._read(window)
-            except asyncio.CancelledError:
-                self.link.give_up(job)
+            except BaseException:
+                link.give_up(job)
                 raise
-            result = self.link.quick(job, heard)
+            if link.retired:
+                link.check()
+            result = link.quick(job, heard)
             if result is MISSED:
-                return await self._wait(self.link.carry(job, heard))
+                return await self._wait(link, link.carry(job, heard))
             return result  # type: ignore[return-value] # it is a T, as it is not MISSED
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> AsyncMove:
@@ -143,11 +179,17 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
 
     @asynccontextmanager
     async def torque(self, ids: Iterable[int] | None = None) -> AsyncIterator["AsyncBus"]:
-        """Torque on for these servos (all known ones by default), off again on the way out."""
+        """Torque on for these servos (all known ones by default), off again on the way out.
+
+        After an error those for which a safe action was chosen are made safe instead.
+        """
         servos = self._chosen(ids)
         try:
             await self.torque_on(servos)
             yield self
+        except BaseException:
+            servos = self._secure(servos)
+            raise
         finally:
             await self.torque_off(servos)
 
@@ -156,7 +198,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
 
     # Carrying out
 
-    async def _wait(self, waits: Waits[T]) -> T:
+    async def _wait(self, link: Link, waits: Waits[T]) -> T:
         heard = b""
         try:
             wait = next(waits)
@@ -171,12 +213,40 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
                         await self._lock.acquire()
                 else:
                     await self._pause(wait.seconds)
+                if link.retired:
+                    link.check()
                 wait = waits.send(heard)
         except StopIteration as stop:
             done: T = stop.value
             return done
         finally:
             waits.close()
+
+    @contextmanager
+    def _seized(self, *, interrupt: bool) -> Iterator[Link]:
+        """See `Safeguard._seized`. Tasks that want the line meanwhile get Stopped: no lock holds them off."""
+        old = self.link
+        if not interrupt:
+            self._await_free(POLITE)
+        link = old.retire()
+        if not interrupt:
+            self._await_free(FIRM)
+        held = self._reading.acquire(timeout=FIRM)
+        try:
+            yield link
+        finally:
+            self.link = link
+            if held:
+                self._reading.release()
+
+    def _await_free(self, patience: float) -> None:
+        end = time.monotonic() + patience
+        while self._lock.locked() and time.monotonic() < end:
+            time.sleep(LOOK)
+
+    def _read_alone(self, timeout: float) -> bytes:
+        with self._reading:
+            return self.transport.read(timeout)
 
     # Waiting, the asynchronous way
 
@@ -186,18 +256,26 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             return transport.read(timeout)
         fd = transport.fileno()
         if fd is None:
-            return await asyncio.to_thread(transport.read, timeout)
+            return await asyncio.to_thread(self._read_alone, timeout)
         loop = asyncio.get_running_loop()
         if self._listening != (loop, fd):
             loop.add_reader(fd, self._readable, loop, fd)
             self._listening = loop, fd
-        self._waiter = waiter = loop.create_future()
+        waiter: asyncio.Future[bytes] = loop.create_future()
+        self._waiter = waiter
         timer = loop.call_later(timeout, _end, waiter)
         try:
             return await waiter
         finally:
             timer.cancel()
             self._waiter = None
+
+    def _stop_listening(self) -> None:
+        if self._listening is not None:
+            loop, fd = self._listening
+            self._listening = None
+            if not loop.is_closed():
+                loop.remove_reader(fd)
 
     def _readable(self, loop: asyncio.AbstractEventLoop, fd: int) -> None:
         """Give bytes to who waits for them. If nobody does, stop listening: the loop would turn and turn."""

@@ -14,15 +14,21 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
-from servobus.driver import Driver
+from servobus.driver import Driver, Reunion
 from servobus.exchange import Exchange, Job
 from servobus.families.base import Target
-from servobus.link import MISSED, Listen, Waits
+from servobus.link import MISSED, Link, Waits
 from servobus.operation import Blocking
 from servobus.procedures import Course
 from servobus.servo import Servo
+from servobus.waiting import carry_out
 
 T = TypeVar("T")
+
+POLITE = 0.1
+"""s that one who must make the servos safe waits for the line before he interrupts who has it."""
+FIRM = 0.4
+"""s after which he does without the other's leave."""
 
 
 class Move:
@@ -63,12 +69,20 @@ class BusServo(Blocking, Servo):
 
     @contextmanager
     def torque(self) -> Iterator["BusServo"]:
-        """Torque on inside the `with`, off again on the way out."""
+        """Torque on inside the `with`, off again on the way out.
+
+        After an error the safe action instead, if one was chosen.
+        """
+        rest = [self]
         try:
             self.torque_on()
             yield self
+        except BaseException:
+            rest = self._bus._secure(rest)
+            raise
         finally:
-            self.torque_off()
+            if rest:
+                self.torque_off()
 
 
 class Bus(Blocking, Driver[BusServo]):
@@ -84,29 +98,50 @@ class Bus(Blocking, Driver[BusServo]):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        try:
+            if self._crashed(error):
+                self._end(safe=True)
+        finally:
+            self.close()
 
     def close(self) -> None:
         """Give the port back. Torque stays as it is."""
+        self._end(safe=False)
         self.transport.close()
+
+    def reopen(self) -> Reunion:
+        """Open the port again after it was lost, and see who is there; see `Reunion`.
+
+        A USB adapter is found by its serial number, whatever the port is called now. Servos that lost their RAM, so
+        their supply too, are not moved until `torque_on` or `rearm`. Raises PortError if the port is not there.
+        """
+        with self._lock:
+            self.transport.reopen()
+            self._reopened()
+            reunion = self.do(self._reunited())
+        self._after_trip()
+        return reunion
 
     def do(self, job: Job[T], baud: int | None = None) -> T:
         """Carry out any job, an exchange or a procedure, at this speed or at the one in use."""
         with self._lock:
+            link = self.link
             if baud is not None and baud != self.transport.baud:
-                self._wait(self.link.set_baud(baud))
+                self._wait(link, link.set_baud(baud))
             if type(job) is not Exchange:
-                return self._wait(self.link.run(job))
-            if not (window := self.link.begin(job)):
-                return self._wait(self.link.carry(job))
+                return self._wait(link, link.run(job))
+            if not (window := link.begin(job)):
+                return self._wait(link, link.carry(job))
             try:
                 heard = self.transport.read(window)
-            except KeyboardInterrupt:
-                self.link.give_up(job)
+            except BaseException:
+                link.give_up(job)
                 raise
-            result = self.link.quick(job, heard)
+            if link.retired:
+                link.check()
+            result = link.quick(job, heard)
             if result is MISSED:
-                return self._wait(self.link.carry(job, heard))
+                return self._wait(link, link.carry(job, heard))
             return result  # type: ignore[return-value] # it is a T, as it is not MISSED
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> Move:
@@ -118,11 +153,17 @@ class Bus(Blocking, Driver[BusServo]):
 
     @contextmanager
     def torque(self, ids: Iterable[int] | None = None) -> Iterator["Bus"]:
-        """Torque on for these servos (all known ones by default) inside the `with`, off again on the way out."""
+        """Torque on for these servos (all known ones by default) inside the `with`, off again on the way out.
+
+        After an error those for which a safe action was chosen are made safe instead.
+        """
         servos = self._chosen(ids)
         try:
             self.torque_on(servos)
             yield self
+        except BaseException:
+            servos = self._secure(servos)
+            raise
         finally:
             self.torque_off(servos)
 
@@ -131,25 +172,18 @@ class Bus(Blocking, Driver[BusServo]):
 
     # Carrying out
 
-    def _wait(self, waits: Waits[T]) -> T:
-        transport = self.transport
-        heard = b""
+    def _wait(self, link: Link, waits: Waits[T]) -> T:
+        return carry_out(link, waits, self._lock)
+
+    @contextmanager
+    def _seized(self, *, interrupt: bool) -> Iterator[Link]:
+        link, held = self.link, self._lock.acquire(timeout=0 if interrupt else POLITE)
+        if interrupt or not held:
+            link = link.retire()
+        held = held or self._lock.acquire(timeout=FIRM)
         try:
-            wait = next(waits)
-            while True:
-                if isinstance(wait, Listen):
-                    heard = transport.read(wait.seconds)
-                elif wait.shared:
-                    self._lock.release()
-                    try:
-                        transport.sleep(wait.seconds)
-                    finally:
-                        self._lock.acquire()
-                else:
-                    transport.sleep(wait.seconds)
-                wait = waits.send(heard)
-        except StopIteration as stop:
-            done: T = stop.value
-            return done
+            yield link
         finally:
-            waits.close()
+            self.link = link
+            if held:
+                self._lock.release()

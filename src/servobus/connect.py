@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 from servobus.bus import Bus
 from servobus.errors import BadValue
+from servobus.families.notes import SafeAction
+from servobus.safety import check_safe_action
 from servobus.transports.base import Transport
 
 if TYPE_CHECKING:
@@ -19,24 +21,40 @@ FIRST_BAUD = 115_200
 """Speed a port is opened at. It only matters until the first servo is spoken to, at its own speed."""
 
 
-def open(port: str, *, bauds: int | Iterable[int] | None = None, echo: bool | None = None) -> Bus:
+def open(
+    port: str,
+    *,
+    bauds: int | Iterable[int] | None = None,
+    echo: bool | None = None,
+    safe_action: SafeAction | None = None,
+) -> Bus:
     """Open a port. Nothing is sent, nothing moves, torque stays as it is.
 
-    bauds   speed or speeds to look for servos at, bit/s; the factory speed of each family by default
-    echo    whether the adapter hears what it sends; found out by default
+    bauds         speed or speeds to look for servos at, bit/s; the factory speed of each family by default
+    echo          whether the adapter hears what it sends; found out by default
+    safe_action   what a crash does with servos that were driven: "hold" (also by default), "free" or "brake"; see
+                  `Servo.safe_action`
 
     Raises PortError if the port is missing, in use or not permitted, UsageError for a name that is no port.
     """
     speeds = _speeds(bauds)
-    return Bus(transport(port, speeds), bauds=speeds, echo=echo)
+    check_safe_action(safe_action or "hold", ())
+    return Bus(transport(port, speeds), bauds=speeds, echo=echo, safe_action=safe_action)
 
 
-def open_async(port: str, *, bauds: int | Iterable[int] | None = None, echo: bool | None = None) -> "AsyncBus":
+def open_async(
+    port: str,
+    *,
+    bauds: int | Iterable[int] | None = None,
+    echo: bool | None = None,
+    safe_action: SafeAction | None = None,
+) -> "AsyncBus":
     """Open a port for asyncio: `async with servobus.open_async(port) as bus`. See `open`."""
     from servobus.aio import AsyncBus  # noqa: PLC0415 - asyncio is slow to import and not always wanted
 
     speeds = _speeds(bauds)
-    return AsyncBus(transport(port, speeds), bauds=speeds, echo=echo)
+    check_safe_action(safe_action or "hold", ())
+    return AsyncBus(transport(port, speeds), bauds=speeds, echo=echo, safe_action=safe_action)
 
 
 def transport(port: str, speeds: tuple[int, ...] | None = None) -> Transport:

@@ -3,40 +3,65 @@
 The drivers themselves only differ in how they wait.
 """
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 from servobus import models, procedures
-from servobus.errors import BusError, UnknownName
-from servobus.exchange import Exchange, Procedure, SetBaud
+from servobus.errors import BusError, Restarted, UnknownName
+from servobus.exchange import Exchange, Procedure, SetBaud, Volley
 from servobus.families.base import Answers, Family, Model, Target
+from servobus.families.notes import SafeAction
 from servobus.framing import Framing, Packet
+from servobus.guard import Level, Protection, Thresholds, protect, protection
 from servobus.link import Link
 from servobus.operation import Operation
 from servobus.procedures import Course, Found, Survey, Watcher
 from servobus.protocols.ids import LAST_ID, check_id
+from servobus.safety import Safeguard
 from servobus.servo import Servo
 from servobus.stats import Stats
 from servobus.transports.base import Transport
+from servobus.values import frozen, replace
 
 S = TypeVar("S", bound=Servo)
 
 
-class Driver(ABC, Generic[S]):
+@frozen
+class Reunion:
+    """Who is there after a port was opened again: ids. `restarted` are those of the present that lost their RAM."""
+
+    present: tuple[int, ...]
+    missing: tuple[int, ...]
+    restarted: tuple[int, ...]
+
+
+class Driver(Safeguard, Generic[S]):
     """A port, and the servos known on it.
 
     `bauds` are the speeds to look for servos at, if not the factory speed of each family. `echo` says
-    whether the adapter gives back what it sends; None finds out.
+    whether the adapter gives back what it sends; None finds out. `safe_action` is that of all servos, "hold" if it
+    is None; see `Servo.safe_action`.
     """
 
-    def __init__(self, transport: Transport, *, bauds: tuple[int, ...] | None = None, echo: bool | None = None) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        *,
+        bauds: tuple[int, ...] | None = None,
+        echo: bool | None = None,
+        safe_action: SafeAction | None = None,
+    ) -> None:
+        super().__init__(safe_action)
         self.transport = transport
-        self.link = Link(transport, echo=echo, heard=self._heard, markers=self._markers)
+        self._echo = echo
+        self.link = self._new_link()
         self.bauds = bauds
         self.survey = Survey()
         """What the last scan saw, what made no sense included."""
         self._servos: list[S] = []
+        self._protections: dict[S, Protection] = {}
 
     @property
     def echo(self) -> bool | None:
@@ -85,19 +110,28 @@ class Driver(ABC, Generic[S]):
     ) -> S:
         """Name a servo that is there, without asking it anything.
 
-        `baud` defaults to the family's factory speed, `answers` to the model's factory setting.
-        Raises BadValue for an id that no single servo can have.
+        `baud` defaults to the family's factory speed, `answers` to the model's factory setting. A servo that is known
+        already stays the same object, with all that was noted of it. Raises BadValue for an id that no single servo
+        can have.
         """
         check_id(id)
         if answers is None:
             level = model.registers.get(model.aliases.get("answer_level", ""))
             answers = Answers.READS if level is None or level.default is None else Answers(level.default)
-        servo = self._bind(Target(id, model, answers), baud or model.family.default_baud, firmware)
-        for place, old in enumerate(self._servos):
-            if (old.id, old.family.name) == (id, model.family.name):
-                self._servos[place] = servo
-                return servo
-        self._servos.append(servo)
+        baud = baud or model.family.default_baud
+        old = next((old for old in self._servos if (old.id, old.family.name) == (id, model.family.name)), None)
+        if old is not None and old.model is model:
+            old.target = replace(old.target, answers=answers)
+            old.baud, old.firmware = baud, firmware or old.firmware
+            return old
+        servo = self._bind(Target(id, model, answers), baud, firmware)
+        servo.notes.gate = partial(self._about_to_move, servo)
+        servo.notes.safe_action = self._safe_action
+        if old is None:
+            self._servos.append(servo)
+        else:
+            servo.notes.max_step, servo.notes.safe_action = old.notes.max_step, old.notes.safe_action
+            self._servos[self._servos.index(old)] = servo
         return servo
 
     # Finding servos
@@ -175,6 +209,7 @@ class Driver(ABC, Generic[S]):
         """Switch the torque of these servos on, each with goal := present position first."""
         for servo in servos:
             yield SetBaud(servo.baud)
+            servo.notes.go()
             yield from servo.family.torque(servo.target, on=True)
 
     @Operation
@@ -185,10 +220,38 @@ class Driver(ABC, Generic[S]):
             yield SetBaud(servo.baud)
             try:
                 yield from servo.family.torque(servo.target, on=False)
+                servo.notes.rest()
             except BusError as error:
                 first = first or error
         if first is not None:
             raise first
+
+    @Operation
+    def protect(self, thresholds: Thresholds | None = None) -> Procedure[dict[int, Level]]:
+        """Look once how hot every known servo is and whether it is stuck, and act on it; id -> level.
+
+        To be called again and again, say every 0.1 s: a stall shows only over several looks. WARN is 10 °C below
+        the limit set in the servo. At DERATE, 5 °C below it, it gets half its torque limit (RX-28), half its highest
+        output (DRS-0602) or half its speed (LX-16A). At SAFE, at the limit or after 0.5 s of pushing without motion,
+        its safe action runs, and commands of motion raise Stopped until a later look finds that it is over. All
+        bounds can be set, from the first call on; see `servobus.guard.Thresholds`. One that does not answer raises
+        NoReply after all others had their turn.
+        """
+        levels = {}
+        first: BusError | None = None
+        for servo in self:
+            yield SetBaud(servo.baud)
+            try:
+                if servo not in self._protections:
+                    self._protections[servo] = yield from protection(servo.target, thresholds or Thresholds())
+                now = self.transport.now()
+                guarding = self._protections[servo]
+                levels[servo.id] = yield from protect(servo.target, guarding, now, servo.safe_action)
+            except BusError as error:
+                first = first or error
+        if first is not None:
+            raise first
+        return levels
 
     # Helpers
 
@@ -203,7 +266,27 @@ class Driver(ABC, Generic[S]):
     def _launched(self, courses: list[Course]) -> Procedure[None]:
         for course in courses:
             yield SetBaud(self[course.legs[0].target.id].baud)
-            yield from course.legs[0].target.model.family.launch(course.legs)
+            yield from procedures.launch(course)
+
+    def _reunited(self) -> Procedure[Reunion]:
+        """Find out which of the known servos are there, and which of them have restarted."""
+        present: list[S] = []
+        for group in self._groups():
+            yield SetBaud(group[0].baud)
+            answers = yield Volley([servo.family.ping(servo.id) for servo in group])
+            present += [servo for servo, answer in zip(group, answers, strict=True) if answer is None]
+        restarted = []
+        for servo in present:
+            if servo.target.answers is Answers.NOTHING:
+                continue  # it cannot be read
+            yield SetBaud(servo.baud)
+            try:
+                yield from procedures.verify(servo.target)
+            except Restarted:
+                servo.state = None
+                restarted.append(servo.id)
+        missing = tuple(servo.id for servo in self if servo not in present)
+        return Reunion(tuple(servo.id for servo in present), missing, tuple(restarted))
 
     @abstractmethod
     def _bind(self, target: Target, baud: int, firmware: str) -> S:
@@ -222,11 +305,11 @@ class Driver(ABC, Generic[S]):
     def _chosen(self, ids: Iterable[int] | None) -> list[S]:
         return list(self) if ids is None else [self[id] for id in ids]
 
-    def _groups(self, ids: Iterable[int]) -> list[list[S]]:
+    def _groups(self, ids: Iterable[int] | None = None) -> list[list[S]]:
         """Sort servos by family and speed: one packet drives servos of one kind."""
         groups: dict[tuple[str, int], list[S]] = {}
-        for id in ids:
-            groups.setdefault((self[id].family.name, self[id].baud), []).append(self[id])
+        for servo in self._chosen(ids):
+            groups.setdefault((servo.family.name, servo.baud), []).append(servo)
         return list(groups.values())
 
     def _families(self, family: Family | str | None) -> list[Family]:
@@ -236,6 +319,19 @@ class Driver(ABC, Generic[S]):
 
     def _speeds(self, bauds: Iterable[int] | None) -> tuple[int, ...] | None:
         return self.bauds if bauds is None else tuple(bauds)
+
+    def _joints(self) -> list[S]:
+        return list(self._servos)
+
+    def _new_link(self) -> Link:
+        return Link(self.transport, echo=self._echo, heard=self._heard, markers=self._markers)
+
+    def _reopened(self) -> None:
+        """Begin anew on a port that was opened again: nothing of the old one can come any more."""
+        stats = self.link.stats
+        self.link.retire()
+        self.link = self._new_link()
+        self.link.stats = stats
 
     # What the link asks of us
 

@@ -19,6 +19,7 @@
         ├── Refused                   the servo understood and said no
         ├── TorqueOff                 a move was asked of a servo without torque
         ├── Restarted                 the servo lost what was set in its RAM
+        ├── Stopped                   the servos were made safe: nothing is to move now
         └── MoveTimeout               the servo did not arrive in time
 
 An alarm (overheating, low voltage ...) is not in this tree: it is data, and stands beside the values.
@@ -111,6 +112,10 @@ class TorqueOff(BusError):
 
 class Restarted(BusError):
     """The servo lost what was set in its RAM: its supply broke down, or somebody restarted it."""
+
+
+class Stopped(BusError):
+    """The servos were made safe, by a watch or on the way out: what was under way ended, and nothing is to move now."""
 
 
 class MoveTimeout(BusError, TimeoutError):

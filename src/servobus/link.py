@@ -16,7 +16,7 @@ from collections.abc import Callable, Generator, Sequence
 from time import monotonic
 from typing import Any, Final, TypeAlias, TypeVar
 
-from servobus.errors import BrokenEcho, BusError, DuplicateId, LineBusy, NoReply, Refused
+from servobus.errors import BrokenEcho, BusError, DuplicateId, LineBusy, NoReply, Refused, Stopped
 from servobus.exchange import Collector, Exchange, Gathering, Job, Pause, Reply, SetBaud, Step, Volley, sent
 from servobus.framing import Framing, Noise, Packet
 from servobus.protocols.ids import BROADCAST
@@ -191,6 +191,8 @@ class Link:
         """Time after which no servo can be so late; only an adapter, and that keeps the order."""
         self._wary = True
         """Whether the next question must take the long way."""
+        self.retired = False
+        """Whether somebody else has taken the line over: then nothing is sent here any more."""
         self._paces: dict[Exchange[Any], _Pace] = {}
         self._pace_now = _Pace(0.0, 0.0, Counts())
         self._began = 0.0
@@ -233,6 +235,7 @@ class Link:
         if baud == transport.baud:
             return
         yield from self._until(self._sent_at)
+        self.check()
         transport.set_baud(baud)
         self._paces.clear()
         if self._used_speed:
@@ -263,10 +266,10 @@ class Link:
             if exchange.reply is None or not exchange.repeatable:
                 return 0.0
             pace = self._pace(exchange)
-        self._pace_now = pace
-        pace.counts.sent += 1
         self._began = monotonic()
         self.transport.write(exchange.request)
+        self._pace_now = pace  # what follows costs no time: the servo is at work
+        pace.counts.sent += 1
         return pace.window + self.latency.patience
 
     def quick(self, exchange: Exchange[T], chunk: bytes) -> T | object:
@@ -293,6 +296,24 @@ class Link:
         self._lose(exchange)
         self._review()
 
+    def retire(self) -> "Link":
+        """Have the exchange under way fail with Stopped, and all later ones; give a link that has the line instead.
+
+        It lets what was under way come in before it sends anything.
+        """
+        self.retired = self._wary = True
+        link = Link(self.transport, echo=self.echo, heard=self._heard, markers=self._markers)
+        link.stats, link.latency, link._lost = self.stats, self.latency, dict(self._lost)
+        link._lost_until = self._lost_until
+        link._quiet_at, link._used_speed, link._unquiet = self._quiet_at, True, True
+        link._clear_at = link._sent_at = self.transport.now() + self.latency.patience
+        return link
+
+    def check(self) -> None:
+        """Raise Stopped if somebody else has taken the line over."""
+        if self.retired:
+            raise Stopped("interrupted: the line was needed to make the servos safe")
+
     def _pace(self, exchange: Exchange[Any]) -> _Pace:
         """Work out the times of an exchange at the present speed, once."""
         if len(self._paces) > 1000:
@@ -306,7 +327,11 @@ class Link:
 
     def _review(self) -> None:
         """Find out whether the next question may take the shortest way."""
-        self._wary = self.echo is not False or bool(self._lost or self._doubled or self._unquiet or self._clear_at)
+        self._wary = (
+            self.retired
+            or self.echo is not False
+            or bool(self._lost or self._doubled or self._unquiet or self._clear_at)
+        )
 
     # One exchange
 
@@ -346,16 +371,17 @@ class Link:
             self._clear_at = self._began + len(request) * BITS_PER_BYTE / transport.baud
         collector = Collector(exchange, self.echo, request, self._longest(exchange))
         chunk = begun or b""
+        left = 1.0
         try:
             while True:
-                if chunk:
-                    collector.feed(chunk)
-                    if collector.packet is not None and self._too_soon(exchange, collector.packet):
-                        collector.packet = None  # a stranger: an older answer, or one more to what was asked before
-                left = self._deadline - transport.now()
+                collector.feed(chunk)
+                if collector.packet is not None and self._too_soon(exchange, collector.packet):
+                    collector.packet = None  # a stranger: an older answer, or one more to what was asked before
                 if collector.done or left <= 0:
                     break
-                chunk = yield Listen(left)
+                # When time is up the answer may be here all the same, if this computer stalled: look once more.
+                left = self._deadline - transport.now()
+                chunk = yield Listen(max(left, 0.0))
             return self._judge(collector)
         finally:
             if collector.packet is None or collector.broken_echo:
@@ -367,6 +393,7 @@ class Link:
 
         A marker is asked all the same: an older answer to it tells enough.
         """
+        self.check()
         # What can be asked again need not wait for the servos to forget.
         yield from self._until(self._clear_at if exchange.repeatable else max(self._clear_at, self._quiet_at))
         if leftover := self.transport.discard():
@@ -381,6 +408,7 @@ class Link:
 
     def _send(self, exchange: Exchange[Any], request: bytes) -> None:
         """Send, and work out when to give up."""
+        self.check()
         transport = self.transport
         self.latency.review()
         self._used_speed = True

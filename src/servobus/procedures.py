@@ -8,10 +8,11 @@ from servobus import models
 from servobus.errors import BadValue, BusError, MoveTimeout, NoReply, Restarted, TorqueOff, UsageError
 from servobus.exchange import Pause, Procedure, SetBaud, Volley, ask
 from servobus.families.base import Answers, Family, Identity, Leg, Model, Target
+from servobus.families.notes import SafeAction
 from servobus.protocols.ids import LAST_ID, check_id
 from servobus.registers import Register
 from servobus.units import deg, show
-from servobus.values import frozen
+from servobus.values import frozen, replace
 
 DEFAULT_SPEED = 90 * deg
 """Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try."""
@@ -109,6 +110,7 @@ def plan(goals: Mapping[Target, float], *, time: float | None = None, speed: flo
             notes.check_step(str(target), distances[target])
     if time is None:
         time = max(max(distances.values()) / (speed or DEFAULT_SPEED), SHORTEST)
+    time /= min(target.notes.slow if target.notes is not None else 1.0 for target in goals)
     if family.max_move_time is not None and time > family.max_move_time:
         raise BadValue(
             f"a {family.title} move takes {show(family.max_move_time, 's')} at most, "
@@ -118,6 +120,49 @@ def plan(goals: Mapping[Target, float], *, time: float | None = None, speed: flo
     for leg in legs:
         family.check_leg(leg)
     return Course(legs, tuple(loose))
+
+
+def launch(course: Course) -> Procedure[None]:
+    """Start a move that was planned. Raises Stopped if one of its servos must not move now."""
+    set_going(leg.target for leg in course.legs)
+    yield from course.legs[0].target.model.family.launch(course.legs)
+
+
+def set_going(targets: Iterable[Target]) -> None:
+    """Take note that these are set in motion or switched on now. Raises Stopped if one must not be."""
+    for target in targets:
+        if target.notes is not None:
+            target.notes.go()
+
+
+def make_safe(target: Target, action: SafeAction) -> Procedure[None]:
+    """Hold a servo where it is, free it or brake it."""
+    family, notes = target.model.family, target.notes
+    if action == "free":
+        yield from family.torque(target, on=False)
+        # Most servos do not answer to that: it may have been lost.
+        if target.answers is not Answers.NOTHING:
+            (torque,) = yield from ask(family.read(target, [target.model.register("torque_enable")]))
+            if family.torque_on(torque):
+                raise BusError(f"{target}: its torque is still on")
+    elif action == "brake":
+        yield from family.brake(target)
+    elif notes is None or not notes.held:
+        yield from _hold(replace(target, notes=None))  # no limit of one step stands against stopping
+    if notes is not None:
+        notes.rest()
+
+
+def _hold(target: Target) -> Procedure[None]:
+    family = target.model.family
+    try:
+        stance = yield from family.stance(target)
+    except BusError:
+        pass  # stop it all the same
+    else:
+        if not stance.torque:
+            return  # it moves nothing; and a goal would switch an RX-28 on
+    yield from family.stop(target)
 
 
 def require_torque(courses: Sequence[Course]) -> None:

@@ -13,10 +13,11 @@ from servobus.backup import Backup, backup, restore
 from servobus.errors import Restarted, UsageError
 from servobus.exchange import Exchange, Job, Procedure, ask
 from servobus.families.base import Answers, Family, Model, Target
-from servobus.families.notes import Notes, check_max_step
+from servobus.families.notes import Notes, SafeAction, check_max_step
 from servobus.operation import Operation
 from servobus.procedures import Course, State
 from servobus.registers import Register
+from servobus.safety import check_safe_action
 from servobus.units import Flags
 from servobus.values import replace
 
@@ -76,6 +77,19 @@ class Servo:
     @max_step.setter
     def max_step(self, step: float | None) -> None:
         self.notes.max_step = check_max_step(step)
+
+    @property
+    def safe_action(self) -> SafeAction:
+        """What is done with the servo on Ctrl-C, SIGTERM, a crash, or a trip of the watch, if this bus has driven it.
+
+        "hold" ends its motion and holds the present position, "free" switches the torque off, "brake" shorts its motor
+        (HerkuleX only; UsageError elsewhere).
+        """
+        return self.notes.safe_action or "hold"
+
+    @safe_action.setter
+    def safe_action(self, action: SafeAction) -> None:
+        self.notes.safe_action = check_safe_action(action, [self.target])
 
     # Who and what
 
@@ -178,18 +192,20 @@ class Servo:
         """Start a move and give what is needed to wait for its end; see `move`."""
         course = yield from procedures.plan({self.target: angle}, time=time, speed=speed)
         procedures.require_torque([course])
-        yield from self.family.launch(course.legs)
+        yield from procedures.launch(course)
         return course
 
     @Operation
     def torque_on(self) -> Procedure[None]:
         """Switch the torque on; the goal becomes the present position first, so that nothing jumps."""
-        return self.family.torque(self.target, on=True)
+        self.notes.go()
+        yield from self.family.torque(self.target, on=True)
 
     @Operation
     def torque_off(self) -> Procedure[None]:
         """Switch the torque off: the shaft turns freely."""
-        return self.family.torque(self.target, on=False)
+        yield from self.family.torque(self.target, on=False)
+        self.notes.rest()
 
     @Operation
     def rearm(self) -> Procedure[None]:
@@ -198,6 +214,7 @@ class Servo:
         Nothing jumps: the goal becomes the present position first. Raises Refused, with the alarms as `flags`, if the
         cause is still there; then the torque stays off.
         """
+        self.notes.go()
         yield from self.family.rearm(self.target)
         self.note_alarms((yield from self.family.read_alarms(self.target)))
         self.latched = self.alarms
@@ -206,12 +223,14 @@ class Servo:
     @Operation
     def stop(self) -> Procedure[None]:
         """End the motion and hold the present position."""
-        return self.family.stop(self.target)
+        yield from self.family.stop(replace(self.target, notes=None))  # no limit of one step stands against it
+        self.notes.held = True
 
     @Operation
     def turn(self, *, speed: float | None = None, output: float | None = None) -> Procedure[None]:
         """Turn without end. `speed` in rad/s (HerkuleX) or `output` as a share -1 .. 1 (RX-28, LX-16A)."""
-        return self.family.turn(self.target, speed=speed, output=output)
+        self._go()
+        yield from self.family.turn(self.target, speed=speed, output=output)
 
     @Operation
     def position_mode(self, limits: tuple[float, float] | None = None) -> Procedure[None]:
@@ -224,7 +243,8 @@ class Servo:
         if limits is not None:
             low, high = (self.model.register(name) for name in ("min_position", "max_position"))
             raw = low.encode(limits[0]), high.encode(limits[1])
-        return self.family.position_mode(self.target, raw)
+        self._go()
+        yield from self.family.position_mode(self.target, raw)
 
     @Operation
     def led(self, colour: str) -> Procedure[None]:
@@ -237,6 +257,7 @@ class Servo:
     def reboot(self) -> Procedure[None]:
         """Restart the servo: RAM registers get their start values, torque goes off."""
         yield from self.family.reboot(self.target)
+        self.notes.rest()
         yield from self._meet_again(self.id)
 
     @Operation
@@ -248,6 +269,7 @@ class Servo:
         end = yield from changes.reset(self.target, self.baud, keep)
         self._follow(end.id, end.baud)
         self.notes.forget()
+        self.notes.rest()
         yield from self._meet_again(self.id)
 
     @Operation
@@ -344,9 +366,20 @@ class Servo:
 
     def _write(self, raw: Mapping[Register[Any], int], *, keep: bool = False) -> Procedure[None]:
         self._no_identity(raw)
+        torque = self.model.register("torque_enable")
+        if self.family.sets_going(self.target, raw):
+            self._go(waking=torque in raw)
         yield from (self.family.store if keep else self.family.write)(self.target, raw)
         # From now on the servo answers by the new policy.
         level = self.model.aliases.get("answer_level", "answer_level")
         for register, value in raw.items():
             if register.name == level:
                 self.target = replace(self.target, answers=Answers(value))
+        if torque in raw and not self.family.torque_on(raw[torque]):
+            self.notes.rest()
+
+    def _go(self, *, waking: bool = False) -> None:
+        """Take note that it is set in motion. Raises Stopped if it must not be, Restarted if that would wake it up."""
+        if self.restarted and not waking:
+            raise Restarted(f"{self.target} has restarted, and is not moved before torque_on() or rearm()")
+        self.notes.go()

@@ -10,7 +10,7 @@ from unit.cli.conftest import RX
 
 TOOLS = {"click", "rich", "serial", "matplotlib", "asyncio"}
 """What only some of all programs need."""
-SLOW = {"tomllib", "datetime", "string", "difflib", "socket", "selectors", "subprocess", "logging", "tempfile", "json"}
+SLOW = {"dataclasses", "inspect", "tomllib", "datetime", "string", "difflib", "socket", "subprocess", "json"}
 """Modules of Python's own that take long to import, or bring others along."""
 OWN = {"servobus.virtual", "servobus.aio", "servobus.cli", "servobus.transports.serial_port", "servobus.response"}
 

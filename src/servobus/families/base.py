@@ -179,6 +179,12 @@ class Family(ABC):
     """Longest time in seconds that one timed move can take; None if moves are given by speed."""
     fickle: ClassVar[frozenset[str]] = frozenset()
     """Registers in RAM that the servo changes by itself: they do not tell that it restarted."""
+    drives: ClassVar[frozenset[str]] = frozenset()
+    """Registers that can set a servo in motion, beside torque and goals."""
+    strength: ClassVar[str] = ""
+    """Register in RAM that bounds the output; "" if the family has none."""
+    brakes: ClassVar[bool] = False
+    """Whether it can brake: short its motor, so that the shaft turns only slowly."""
 
     # Who is there
 
@@ -320,6 +326,22 @@ class Family(ABC):
     @abstractmethod
     def torque(self, target: Target, on: bool) -> Procedure[None]:
         """Switch torque. On sets goal := present position first, so that nothing jumps."""
+
+    def brake(self, target: Target) -> Procedure[None]:
+        """Short the motor. Raises UsageError where the family cannot."""
+        yield from ()  # a procedure without steps
+        raise cannot(target, "brake", "only HerkuleX servos can (Torque Control); hold or free it")
+
+    @abstractmethod
+    def push(self, target: Target) -> Procedure[float]:
+        """Read how hard the servo pushes, as a share 0 .. 1 of the output that it is allowed now."""
+
+    def sets_going(self, target: Target, values: Mapping[Register[Any], int]) -> bool:
+        """Tell whether writing these raw values can set the servo in motion, or switches it on."""
+        torque = target.model.register("torque_enable")
+        return (torque in values and self.torque_on(values[torque])) or any(
+            register.name.endswith("goal_position") or register.name in self.drives for register in values
+        )
 
     @abstractmethod
     def read_alarms(self, target: Target) -> Procedure[int]:

@@ -58,6 +58,8 @@ class Dynamixel1(Family):
     title = "Dynamixel protocol 1.0"
     framing = FRAMING
     default_baud = 57_600
+    drives = frozenset({"moving_speed"})
+    strength = "torque_limit"
     fickle = frozenset({"goal_position", "moving_speed", "torque_limit", "registered_instruction"})
     # Table in manual 3-4-1, plus the codes in use elsewhere in the field; most likely first.
     bauds = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
@@ -164,6 +166,11 @@ class Dynamixel1(Family):
                 here = min(max(goal.scale.encode(stance.position), stance.low), stance.high)
                 yield from self.write(target, {goal: here})
         yield from self.write(target, {model.register("torque_enable"): int(on)})
+
+    def push(self, target: Target) -> Procedure[float]:
+        rows = [target.model.register(name) for name in ("present_load", "torque_limit")]
+        load, limit = yield from ask(self.read(target, rows))
+        return abs(load) / limit if limit else 0.0
 
     def read_alarms(self, target: Target) -> Procedure[int]:
         """PING: the alarms stand in the error byte of its answer."""

@@ -89,6 +89,8 @@ class Herkulex(Family):
     default_baud = 115_200
     bauds = tuple(BAUD.codes.values())
     full_duplex = True
+    strength = "max_pwm"
+    brakes = True
     max_move_time = LONGEST_PLAYTIME * TICK
     # Torque Control is among what tells a restart; the light is not, for a JOG sets it. The id is no setting.
     fickle = frozenset({"id", "status_error", "status_detail", "aux_1", "led_control"})
@@ -189,6 +191,15 @@ class Herkulex(Family):
             if ack.status_error and StatusDetail.TORQUE_ON not in ack.status_detail:
                 why = f"because of {show_flags(ack.status_error)}; rearm() clears what is over"
                 raise Refused(f"{target}: torque stays off {why}", ack.status_error)
+
+    def push(self, target: Target) -> Procedure[float]:
+        rows = [target.model.register(name) for name in ("pwm", "max_pwm")]
+        pwm, limit = yield from ask(self.read(target, rows))
+        return abs(pwm) / limit if limit else 0.0
+
+    def brake(self, target: Target) -> Procedure[None]:
+        """Torque Control 0x40 (5-2 RAM 52)."""
+        yield from self.write(target, {target.model.register("torque_control"): TorqueControl.BRAKE})
 
     def read_alarms(self, target: Target) -> Procedure[int]:
         """STAT: Status Error, in which every alarm stays until it is cleared (6-3 Example 2)."""

@@ -50,6 +50,9 @@ from servobus.units import Flags
 WATCH = 0.05
 """s between the two looks that tell whether a servo moves."""
 
+FAR = 20
+"""Units (4.8°) from its goal from which on a servo that stands still is taken to be blocked; assumption."""
+
 _LIMITS = (Command.SERVO_ANGLE_LIMIT_WRITE, Command.SERVO_VIN_LIMIT_WRITE)
 """The lower value must be below the upper (points 12, 14); else the servo ignores both in silence (L-47)."""
 
@@ -61,6 +64,7 @@ class Lewansoul(Family):
     default_baud = BAUD
     bauds = (BAUD,)
     max_move_time = 30.0
+    drives = frozenset({"mode", "motor_speed"})
     fickle = frozenset(
         {"goal_position", "goal_time", "wait_goal_position", "wait_goal_time", "mode", "motor_speed"}
     )  # a move and a mode are given by other ways too
@@ -134,6 +138,13 @@ class Lewansoul(Family):
     def torque(self, target: Target, on: bool) -> Procedure[None]:
         """Nothing jumps: a servo that is loaded holds the angle at which it is (L-70, assumption)."""
         yield from self.write(target, {target.model.register("torque_enable"): int(on)})
+
+    def push(self, target: Target) -> Procedure[float]:
+        """Nothing tells the output: one that holds and is not near its goal is taken to push with all it has."""
+        names = ("torque_enable", "mode", "goal_position", "present_position")
+        rows = [target.model.register(name) for name in names]
+        torque, mode, goal, here = yield from ask(self.read(target, rows))
+        return float(torque and mode == Mode.POSITION and abs(goal - here) > FAR)
 
     def read_alarms(self, target: Target) -> Procedure[Alarm]:
         """Compare temperature and supply with their limits: no packet tells the alarms, and none a locked rotor."""

@@ -7,10 +7,9 @@ target without notes is written to as asked, without a look at what is there.
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
-from servobus.errors import BadValue, EepromWear
+from servobus.errors import BadValue, EepromWear, Stopped
 from servobus.registers import EepRam, Register
 
 MOST = 10
@@ -19,8 +18,10 @@ bears; usual ones bear 100 000, which a loop of 100 Hz would use up in 17 minute
 WINDOW = 60.0
 """s"""
 
+SafeAction: TypeAlias = Literal["hold", "free", "brake"]
+"""What makes a servo safe: end the motion and hold the present position, torque off, or short its motor."""
 
-@dataclass(slots=True)
+
 class Notes:
     """Notes on one servo.
 
@@ -31,16 +32,33 @@ class Notes:
     ram             raw values that we gave it and that it keeps by itself until it restarts
     restarted       whether it lost them, so that it must not be moved before the torque is switched on anew
     max_step        farthest that one goal may lie from where it is, rad; None for no limit
+    safe_action     what makes it safe; None: nobody chose, so it is "hold"
+    driven          whether we switched it on or set it in motion, and nothing has ended that since
+    held            whether it was stopped since
+    halted          why it must not be moved now; "" if it may
+    slow            share of the speed asked for with which it is moved
+    gate            called before it is set in motion; what it raises forbids that
     """
 
-    clock: Callable[[], float] = time.monotonic
-    most: int | None = MOST
-    eeprom_writes: int = 0
-    ram: dict[Register[Any], int] = field(default_factory=dict)
-    restarted: bool = False
-    max_step: float | None = None
-    _recent: dict[str, list[float]] = field(default_factory=dict)
-    """Register -> times of its last writes."""
+    __slots__ = (
+        "_recent", "clock", "driven", "eeprom_writes", "gate", "halted", "held", "max_step", "most", "ram", "restarted",
+        "safe_action", "slow",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.clock: Callable[[], float] = time.monotonic
+        self.most: int | None = MOST
+        self.eeprom_writes = 0
+        self.ram: dict[Register[Any], int] = {}
+        self.restarted = False
+        self.max_step: float | None = None
+        self.safe_action: SafeAction | None = None
+        self.driven = self.held = False
+        self.halted = ""
+        self.slow = 1.0
+        self.gate: Callable[[], None] | None = None
+        self._recent: dict[str, list[float]] = {}
+        """Register -> times of its last writes."""
 
     def check_wear(self, who: str, registers: Iterable[Register[Any]]) -> None:
         """Raise EepromWear if one of these was written too often lately."""
@@ -80,6 +98,18 @@ class Notes:
         """Expect nothing of these RAM values any more, or of all."""
         for register in list(self.ram if registers is None else registers):
             self.ram.pop(register, None)
+
+    def go(self) -> None:
+        """Take note that it is set in motion or switched on now. Raises Stopped if that must not be."""
+        if self.halted:
+            raise Stopped(self.halted)
+        if self.gate is not None:
+            self.gate()
+        self.driven, self.held = True, False
+
+    def rest(self) -> None:
+        """Take note that nothing we did moves it or holds it any more."""
+        self.driven = self.held = False
 
     def check_step(self, who: str, distance: float) -> None:
         """Raise BadValue if a goal lies farther off than `max_step`; `distance` in rad."""

@@ -45,7 +45,10 @@ class Transport(ABC):
         raise PortError(f"{self.name} cannot be opened again")
 
     def pending(self) -> bool:
-        """Tell whether bytes may have arrived that nobody has read; True where only reading tells."""
+        """Tell whether bytes may have arrived that nobody has read; True where only reading tells.
+
+        A port that can say False has `time.monotonic` for its clock.
+        """
         return True
 
     def fileno(self) -> int | None:

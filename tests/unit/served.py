@@ -1,0 +1,111 @@
+"""Virtual servos behind a pseudo terminal, in a thread of the test, that write down every packet they get."""
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Self
+
+from servobus import Bus, open
+from servobus.framing import Corrupt, Packet
+from servobus.virtual.drawer import open_drawer
+from servobus.virtual.ports import PtyPort
+from servobus.virtual.servo import Replies, VirtualServo
+from servobus.virtual.spec import parse_url
+
+PATIENCE = 30.0
+"""s; a limit against hanging, and never a measurement."""
+
+
+def wait_for(done: Callable[[], bool]) -> None:
+    """Wait until something is so; fail if it never is."""
+    end = time.monotonic() + PATIENCE
+    while not done():
+        assert time.monotonic() < end, "this never happened"
+        time.sleep(0.005)
+
+
+class Arm:
+    """Serves virtual servos while it is open. `name` is what a client opens, `heard` the packets so far."""
+
+    def __init__(self, spec: str) -> None:
+        self.drawer = open_drawer(parse_url(f"virtual:{spec}"))
+        self.heard: list[Packet] = []
+        for servo in self.drawer.servos:
+            self._write_down(servo)
+        self._stop = threading.Event()
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        port = self._stack.enter_context(PtyPort(self.drawer))
+        self.name = port.name
+        server = threading.Thread(target=port.serve, args=[self._stop], daemon=True)
+        server.start()
+        self._stack.callback(server.join, PATIENCE)
+        self._stack.callback(self._stop.set)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.close()
+
+    @property
+    def servos(self) -> list[VirtualServo]:
+        return self.drawer.servos
+
+    def open(self) -> Bus:
+        return open(self.name, echo=False)
+
+    def settled(self) -> list[Packet]:
+        """Give what was heard, all that a client sent before it ended included: bytes keep their order."""
+        count = len(self.heard)
+        with self.open() as bus:
+            for servo in self.servos:
+                bus.attach(servo.model, servo.id).ping()
+        heard = self.heard[count:]
+        pings = [packet for servo in self.servos for packet in [servo.model.family.framing.unframe(ping(servo))[0]]]
+        for one in pings:
+            heard.remove(one)
+        return self.heard[:count] + heard
+
+    def _write_down(self, servo: VirtualServo) -> None:
+        hear = servo.hear
+
+        def wrapped(event: Packet | Corrupt, now: float) -> Replies:
+            if isinstance(event, Packet):
+                self.heard.append(event)
+            return hear(event, now)
+
+        servo.hear = wrapped  # type: ignore[method-assign]
+
+
+def ping(servo: VirtualServo) -> bytes:
+    return servo.model.family.ping(servo.id).request
+
+
+def stops(heard: list[Packet], key: str, id: int) -> int:
+    """Count the commands that end the motion of a servo and leave its torque on (manuals: see below)."""
+    return sum(packet.id == id and _stops(key, packet) for packet in heard)
+
+
+def frees(heard: list[Packet], key: str, id: int) -> int:
+    """Count the commands that switch the torque of a servo off."""
+    return sum(packet.id == id and _frees(key, packet) for packet in heard)
+
+
+def _stops(key: str, packet: Packet) -> bool:
+    if key == "rx28":  # WRITE_DATA to Goal Position alone: 30, two bytes (3-4)
+        return packet.code == 3 and packet.data[0] == 30 and len(packet.data) == 3
+    if key == "lx16a":  # SERVO_MOVE_STOP (command 12)
+        return packet.code == 12
+    return packet.code == 5 and bool(packet.data[2] & 1)  # I_JOG, SET with the stop flag (6-5)
+
+
+def _frees(key: str, packet: Packet) -> bool:
+    if key == "rx28":  # Torque Enable, 24
+        return packet.code == 3 and packet.data == bytes([24, 0])
+    if key == "lx16a":  # SERVO_LOAD_OR_UNLOAD_WRITE (command 31)
+        return packet.code == 31 and packet.data == b"\0"
+    return packet.code == 3 and packet.data == bytes([52, 1, 0])  # RAM_WRITE of Torque Control

@@ -1,0 +1,417 @@
+"""The deadman: it acts on a program that is stuck, stopped or dead to the world (F21), and on no other."""
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+if sys.platform == "win32":
+    pytest.skip("no pseudo terminals on Windows", allow_module_level=True)
+
+import servobus
+from servobus import LX16A, MODELS, RX28, BadValue, Stopped, UsageError, deg
+from servobus.exchange import Procedure
+from servobus.procedures import scan
+from servobus.watch import Watch, awake
+from unit.served import PATIENCE, Arm, frees, stops, wait_for
+
+SOON = 0.05
+"""s; a short time-out of a watch: tests wait for it to pass."""
+LONG = 60.0
+"""s; a time-out that no test reaches."""
+
+
+@pytest.fixture(params=MODELS)
+def arm(request: pytest.FixtureRequest) -> Iterator[tuple[str, Arm]]:
+    with Arm(f"{request.param}@1,2") as arm:
+        yield request.param, arm
+
+
+@pytest.fixture
+def lx() -> Iterator[Arm]:
+    with Arm("lx16a@1,2") as arm:
+        yield arm
+
+
+# The count itself, on a clock of the test's own
+
+
+class Counted:
+    """A watch whose clock stands still unless the test moves it."""
+
+    def __init__(self, timeout: float = 0.25) -> None:
+        self.now = 1000.0
+        self.driven = True
+        self.acts = 0
+        self.watch = Watch(timeout, self._act, lambda: self.driven, ended=lambda: None, clock=lambda: self.now)
+
+    def _act(self) -> None:
+        self.acts += 1
+
+    def pass_(self, seconds: float) -> None:
+        self.now += seconds
+        with self.watch._changed:
+            self.watch._changed.notify()
+
+
+def test_it_trips_once_when_nobody_feeds_it() -> None:
+    one = Counted()
+    with one.watch as watch:
+        one.pass_(0.24)
+        watch.feed()
+        one.pass_(0.24)
+        watch.feed()
+        assert not watch.wait(0)
+        one.pass_(0.26)
+        assert watch.wait(PATIENCE)
+        assert watch.tripped
+        one.pass_(100.0)
+        with pytest.raises(Stopped, match=r"was not fed for 0\.25 s"):
+            watch.feed()
+    assert one.acts == 1
+
+
+def test_a_feed_that_comes_too_late_trips_it() -> None:
+    """After SIGSTOP the program may run before the thread of the watch does."""
+    one = Counted()
+    with one.watch as watch:
+        one.now += 5.0
+        with pytest.raises(Stopped):
+            watch.feed()
+        assert watch.wait(PATIENCE)
+    assert one.acts == 1
+
+
+def test_while_nothing_is_driven_nothing_trips() -> None:
+    one = Counted()
+    one.driven = False
+    with one.watch as watch:
+        one.pass_(5.0)
+        watch.check()
+        watch.feed()
+        one.driven = True
+        one.pass_(0.2)
+        watch.check()
+        assert not watch.tripped
+    assert one.acts == 0
+
+
+def test_reset_begins_anew() -> None:
+    one = Counted()
+    with one.watch as watch:
+        for count in (1, 2):
+            one.pass_(1.0)
+            assert watch.wait(PATIENCE)
+            wait_for(lambda count=count: one.acts == count)  # type: ignore[misc]
+            watch.reset()
+            assert not watch.tripped
+            watch.feed()
+    assert one.acts == 2
+
+
+def test_the_clock_never_goes_back_and_is_no_clock_of_the_day() -> None:
+    first = awake()
+    assert awake() >= first
+    assert abs(time.time() - first) > 1e6
+
+
+@pytest.mark.parametrize("timeout", [0, -1, float("nan"), float("inf")])
+def test_a_time_out_that_is_none_is_refused(timeout: float) -> None:
+    with pytest.raises(BadValue, match="is not a number of seconds above 0"):
+        Watch(timeout, lambda: None, lambda: True, ended=lambda: None)
+
+
+# On a bus
+
+
+def going(bus: Any, key: str) -> Any:
+    """Set servo 1 in motion, and look at servo 2."""
+    first, other = (bus.attach(MODELS[key], id) for id in (1, 2))
+    other.look()
+    first.torque_on()
+    first.start_move(first.look().position + 40 * deg, speed=20 * deg)
+    return first
+
+
+def test_a_program_that_is_stuck_has_its_servos_stopped_once(arm: tuple[str, Arm]) -> None:
+    key, served = arm
+    with served.open() as bus:
+        servo = going(bus, key)
+        served.heard.clear()
+        watch = bus.watch(SOON)
+        assert watch.wait(PATIENCE)  # as stuck as can be
+        assert watch.tripped
+        for move in (
+            lambda: servo.start_move(1.0),
+            servo.torque_on,
+            lambda: bus.torque_on([servo]),
+        ):
+            with pytest.raises(Stopped, match="nothing moves before reset"):
+                move()
+        servo.ping()  # what does not move is allowed
+        servo.look()
+        servo.stop()
+        watch.stop()
+        servo.torque_on()
+    heard = served.settled()
+    # The watch and the test itself stop it; an RX-28 gets a goal from torque_on only if that was off.
+    assert (stops(heard, key, 1), stops(heard, key, 2)) == (2, 0)
+    assert frees(heard, key, 1) == 0
+
+
+def test_a_watch_may_have_an_action_of_its_own(arm: tuple[str, Arm]) -> None:
+    key, served = arm
+    with served.open() as bus:
+        going(bus, key)
+        with bus.watch(SOON, "free") as watch:
+            assert watch.wait(PATIENCE)
+    heard = served.settled()
+    assert (frees(heard, key, 1), frees(heard, key, 2)) == (1, 0)
+
+
+def test_feeding_and_motion_keep_it_from_tripping(lx: Arm) -> None:
+    with lx.open() as bus, bus.watch(LONG) as watch:
+        servo = going(bus, "lx16a")
+        fed = watch._fed
+        servo.read(LX16A.present_position)
+        assert watch._fed == fed
+        servo.start_move(100 * deg, time=1.0)
+        assert watch._fed > fed
+        fed = watch._fed
+        servo.write(LX16A.goal_position, 100 * deg)
+        assert watch._fed > fed
+        fed = watch._fed
+        watch.feed()
+        assert watch._fed > fed
+        assert not watch.tripped
+
+
+def test_after_reset_it_guards_again(lx: Arm) -> None:
+    with lx.open() as bus:
+        servo = going(bus, "lx16a")
+        lx.heard.clear()
+        watch = bus.watch(SOON)
+        assert watch.wait(PATIENCE)
+        watch.timeout = LONG
+        watch.reset()
+        servo.start_move(100 * deg, time=1.0)
+        watch.timeout = SOON
+        with watch._changed:
+            watch._changed.notify()
+        assert watch.wait(PATIENCE)
+    assert stops(lx.settled(), "lx16a", 1) == 2
+
+
+def test_it_gets_the_line_from_one_who_keeps_it(lx: Arm) -> None:
+    """The program hangs in the middle of a job, with the line in its hands."""
+    with lx.open() as bus:
+        servo = going(bus, "lx16a")
+        lx.heard.clear()
+        watch = bus.watch(SOON)
+
+        def job() -> Procedure[None]:
+            yield servo.family.ping(1)
+            assert watch.wait(PATIENCE)
+            assert stops(lx.heard, "lx16a", 1) == 1
+            yield servo.family.ping(2)
+
+        with pytest.raises(Stopped, match="interrupted: the line was needed"):
+            bus.do(job())
+        assert not any((packet.id, packet.code) == (2, 14) for packet in lx.heard)
+        servo.look()  # the bus is usable
+        watch.stop()
+        servo.start_move(100 * deg, time=1.0)
+
+
+def test_it_interrupts_one_who_uses_the_line_without_end(lx: Arm) -> None:
+    with lx.open() as bus:
+        going(bus, "lx16a")
+        lx.heard.clear()
+        watch = bus.watch(SOON)
+        with pytest.raises(Stopped):
+            bus.do(scan([LX16A.family], None, list(range(254)) * 100))
+        assert watch.wait(PATIENCE)
+    assert stops(lx.settled(), "lx16a", 1) == 1
+
+
+def test_it_acts_while_others_read(lx: Arm) -> None:
+    """Threads that only read keep no watch from tripping, and may have one read fail."""
+    with lx.open() as bus:
+        servo = going(bus, "lx16a")
+        lx.heard.clear()
+        watch = bus.watch(SOON)
+        over = threading.Event()
+        wrong: list[object] = []
+
+        def read() -> None:
+            while not over.is_set():
+                try:
+                    state = servo.look()
+                except Stopped:
+                    continue
+                if not 0 <= state.position <= 240 * deg or not 20 <= state.temperature <= 40:
+                    wrong.append(state)
+
+        readers = [threading.Thread(target=read) for _ in range(2)]
+        for reader in readers:
+            reader.start()
+        assert watch.wait(PATIENCE)
+        over.set()
+        for reader in readers:
+            reader.join(PATIENCE)
+        assert wrong == []
+    assert stops(lx.settled(), "lx16a", 1) == 1
+
+
+def test_closing_the_bus_ends_the_watch_and_stops_nothing(lx: Arm) -> None:
+    with lx.open() as bus:
+        going(bus, "lx16a")
+        lx.heard.clear()
+        watch = bus.watch(LONG)
+    assert not watch._thread.is_alive()
+    assert stops(lx.settled(), "lx16a", 1) == 0
+
+
+def test_what_cannot_be_watched_is_refused(lx: Arm) -> None:
+    with lx.open() as bus:
+        bus.attach(LX16A, 1)
+        with pytest.raises(UsageError, match="LX-16A id 1 cannot brake"):
+            bus.watch(action="brake")
+        with pytest.raises(UsageError, match="no safe action"):
+            bus.watch(action="stop")  # type: ignore[arg-type]
+        with pytest.raises(BadValue):
+            bus.watch(0)
+        with bus.watch(LONG), pytest.raises(UsageError, match="has a watch already"):
+            bus.watch()
+    with lx.open() as bus, bus.watch(LONG, "brake"), pytest.raises(UsageError, match="cannot brake"):
+        bus.attach(LX16A, 2).torque_on()
+
+
+def test_on_a_virtual_clock_there_is_nothing_to_watch() -> None:
+    with (
+        servobus.open("virtual:rx28@1?clock=virtual") as bus,
+        pytest.raises(UsageError, match="its clock is virtual"),
+    ):
+        bus.watch()
+
+
+# asyncio
+
+
+async def agoing(bus: Any, key: str) -> Any:
+    first, other = (bus.attach(MODELS[key], id) for id in (1, 2))
+    await other.look()
+    await first.torque_on()
+    await first.start_move((await first.look()).position + 40 * deg, speed=20 * deg)
+    return first
+
+
+def test_a_loop_that_is_stuck_has_its_servos_stopped_once(arm: tuple[str, Arm]) -> None:
+    key, served = arm
+
+    async def main() -> None:
+        async with servobus.open_async(served.name, echo=False) as bus:
+            servo = await agoing(bus, key)
+            served.heard.clear()
+            watch = bus.watch(SOON)
+            assert watch.wait(PATIENCE)  # the loop stands still meanwhile
+            with pytest.raises(Stopped):
+                await servo.start_move(1.0)
+            await servo.look()
+            watch.stop()
+            await servo.torque_on()
+
+    asyncio.run(main())
+    heard = served.settled()
+    assert (stops(heard, key, 1), stops(heard, key, 2)) == (1, 0)
+
+
+def test_a_loop_that_only_reads_has_its_servos_stopped_too(arm: tuple[str, Arm]) -> None:
+    key, served = arm
+
+    async def main() -> None:
+        async with servobus.open_async(served.name, echo=False) as bus:
+            servo = await agoing(bus, key)
+            served.heard.clear()
+            watch = bus.watch(SOON)
+            row = servo.model.register("present_temperature")
+            while not watch.wait(0):
+                try:
+                    assert 20 <= await servo.read(row) <= 40
+                except Stopped:
+                    await asyncio.sleep(0.001)
+            assert 20 <= await servo.read(row) <= 40
+
+    asyncio.run(main())
+    assert stops(served.settled(), key, 1) == 1
+
+
+def test_a_loop_that_is_stuck_in_the_middle_of_a_question(lx: Arm) -> None:
+    async def main() -> None:
+        async with servobus.open_async(lx.name, echo=False) as bus:
+            await agoing(bus, "lx16a")
+            lx.heard.clear()
+            watch = bus.watch(SOON)
+            question = asyncio.ensure_future(bus.attach(LX16A, 77).ping())  # nobody answers it
+            await asyncio.sleep(0)
+            assert watch.wait(PATIENCE)
+            with pytest.raises(servobus.BusError):
+                await question
+            await bus[1].look()
+
+    asyncio.run(main())
+    assert stops(lx.settled(), "lx16a", 1) == 1
+
+
+# SIGSTOP
+
+STREAM = """
+import sys, time, servobus
+from servobus import RX28, deg
+with servobus.open(sys.argv[1], echo=False) as bus:
+    servo = bus.attach(RX28, 1)
+    servo.torque_on()
+    watch = bus.watch(5.0)
+    print("ready", flush=True)
+    sys.stdin.readline()
+    try:
+        while True:
+            servo.write_many({RX28.goal_position: 100 * deg, RX28.moving_speed: 1.0})
+    except servobus.Stopped:
+        watch.wait()
+        print("stopped", flush=True)
+"""
+
+
+def test_a_program_that_was_stopped_by_the_system_does_not_go_on_moving() -> None:
+    """It streams as fast as it can, is stopped for longer than its watch allows, and goes on."""
+    stream = STREAM.replace("5.0", "1.0")
+    with Arm("rx28@1") as served:
+        command = [sys.executable, "-c", stream, served.name]
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as program:
+            assert program.stdout is not None
+            assert program.stdin is not None
+            assert program.stdout.readline() == "ready\n"
+            program.stdin.write("\n")
+            program.stdin.flush()
+            wait_for(lambda: len(served.heard) > 50)
+            os.kill(program.pid, signal.SIGSTOP)
+            time.sleep(1.5)  # longer than the watch allows; how much does not matter
+            count = len(served.heard)
+            os.kill(program.pid, signal.SIGCONT)
+            assert program.stdout.readline() == "stopped\n"
+            assert program.wait(PATIENCE) == 0
+        heard = served.settled()
+        goals = [packet for packet in heard[count:] if packet.code == 3 and packet.data[0] == 30]
+        # At most the command in the middle of which it was stopped, and one that had passed the watch before.
+        assert [len(packet.data) for packet in goals].count(3) == 1
+        assert len(goals) <= 3
+        assert len(goals[-1].data) == 3  # the last word is the stop
+        assert served.servos[0].model is RX28
