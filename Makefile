@@ -8,7 +8,7 @@ RIVALS := $(VENV)/.rivals
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check format docs bench faults clean
+.PHONY: help setup demo test check format docs bench faults soak clean
 
 help:  ## show this list
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -59,6 +59,9 @@ bench: $(RIVALS)  ## microseconds and CPU of a read beside other drivers, in one
 
 faults: $(RIVALS)  ## wrong values and errors of all drivers under the same wire faults
 	$(BIN)/python -m bench.faults
+
+soak: $(READY)  ## a million reads and writes under wire faults, each compared with the truth; SOAK="--seconds 60" is less
+	$(BIN)/python -m bench.soak $(SOAK)
 
 clean:  ## remove what was built
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist src/*.egg-info

@@ -1,4 +1,4 @@
-"""A soak: reads and writes by the million on lines where everything goes wrong, and every value compared with the truth.
+"""A soak: reads and writes by the million on lines where everything goes wrong, every value compared with the truth.
 
     python -m bench.soak [--transactions N] [--seconds S] [--seed N] [--chunk N]
 
@@ -317,7 +317,7 @@ def _raw(row: Any, value: Any) -> int:
 
 
 def _frames(key: str, heard: bytes) -> Iterator[bytes]:
-    """Give every run of bytes that is a packet with a checksum that fits (manuals: RX-28 3-3, DRS-0602 5-2, LX-16A 3)."""
+    """Give each run of bytes that is a packet whose checksum fits (manuals: RX-28 3-3, DRS-0602 5-2, LX-16A 3)."""
     header = b"\x55\x55" if key == "lx16a" else b"\xff\xff"
     for at in range(len(heard) - 5):
         if heard[at : at + 2] != header:

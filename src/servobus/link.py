@@ -352,7 +352,8 @@ class Link:
         request = exchange.request
         if begun is None:
             yield from self._ready(exchange, marking=marking)
-            if (self.echo is None or self._echo_doubted) and exchange.looks_like_its_reply():
+            unsure = self.echo is None or (self._echo_doubted and not self.echo)
+            if unsure and exchange.looks_like_its_reply():
                 # Before such a request goes a byte that servos skip: if it comes back, the rest is an echo too.
                 request = b"\x00" + request
             self._send(exchange, request)

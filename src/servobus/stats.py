@@ -66,5 +66,5 @@ class Stats:
 def _line(name: str, counts: Counts) -> str:
     cells = [f"{counts.worst * 1e3:.1f}ms" if column == "worst" else getattr(counts, column) for column in COLUMNS]
     return f"{name:>5}" + "".join(
-        f"{cell:>{max(6, len(column) + 1)}}" for cell, column in zip(cells, COLUMNS, strict=True)
+        f" {cell:>{max(5, len(column))}}" for cell, column in zip(cells, COLUMNS, strict=True)
     )

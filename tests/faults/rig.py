@@ -48,8 +48,8 @@ class Port(VirtualPort):
 class Rig:
     """Servos of one family, `port`, and `bus` as a driver for them.
 
-    `verdicts` are what reads came to: "right"; "provable" if it was not but a fault altered the bytes into a packet
-    whose id, command, length and checksum fit, so that nobody could know; "wrong" otherwise; or the name of an exception.
+    `verdicts` are what reads came to: "right"; "provable" if it was not, but a fault altered the bytes into a packet
+    whose id, command, length and checksum fit, so that nobody could know; "wrong" otherwise; or an exception's name.
     """
 
     def __init__(
@@ -85,13 +85,13 @@ class Rig:
     def real(self, id: int = 1) -> VirtualServo:
         return next(real for real in self.reals if real.id == id)
 
-    def do(self, job: Callable[[Any], Any]) -> Any:
-        """Carry out a job on the bus, whichever driver it is."""
+    def do(self, job: Callable[..., Any], *arguments: Any) -> Any:
+        """Carry out a job on the bus, whichever driver it is; the arguments follow the bus."""
 
         async def wait(done: Awaitable[Any]) -> Any:
             return await done
 
-        done = job(self.bus)
+        done = job(self.bus, *arguments)
         return asyncio.run(wait(done)) if isawaitable(done) else done
 
     def inject(self, faults: str | None) -> None:

@@ -115,10 +115,10 @@ def test_F23_wild_numbers_stay_off_the_wire(key: str, goal: float, driver: str) 
         rig.do(lambda bus: bus[1].write(row, goal))
     for options in ({}, {"time": 1.0}):
         with pytest.raises(BadValue):
-            rig.do(lambda bus, options=options: bus[1].start_move(goal, **options))
+            rig.do(lambda bus, chosen: bus[1].start_move(goal, **chosen), options)
     for options in ({"time": -abs(goal)}, {"speed": -abs(goal)}):
         with pytest.raises(BadValue):
-            rig.do(lambda bus, options=options: bus[1].start_move(1.0, **options))
+            rig.do(lambda bus, chosen: bus[1].start_move(1.0, **chosen), options)
     assert rig.port.sent == []
 
 
@@ -189,4 +189,4 @@ def test_F24_the_dead_zone_of_an_rx28_is_never_a_goal() -> None:
     rig = Rig("rx28", SYNC)
     for degrees in (-1, 301, 330, 359, 360, 361):
         with pytest.raises(BadValue):
-            rig.do(lambda bus, degrees=degrees: bus[1].write(MODELS["rx28"].register("goal_position"), degrees * deg))
+            rig.do(lambda bus, angle: bus[1].write(MODELS["rx28"].register("goal_position"), angle), degrees * deg)

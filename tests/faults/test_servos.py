@@ -24,8 +24,8 @@ FLAT = {
 @EVERY
 @pytest.mark.parametrize("cause", ["heat", "voltage"])
 def test_F12_an_alarm_shows_at_its_joint_and_latches(key: str, cause: str, driver: str) -> None:
-    """Heat or a bad supply at one servo: its flag stands beside the values of that servo alone, stays latched when it is
-    over, and goes with `rearm`."""
+    """Heat or a bad supply at one servo: its flag stands beside the values of that servo alone, stays latched when it
+    is over, and goes with `rearm`."""
     rig = Rig(key, driver)
     flag = (HOT if cause == "heat" else FLAT)[key]
     real = rig.real(2)
@@ -36,7 +36,7 @@ def test_F12_an_alarm_shows_at_its_joint_and_latches(key: str, cause: str, drive
     rig.port.sleep(1.0)  # HerkuleX looks for 504 ms before it calls it an alarm (4-2 NO 34)
     for id in (1, 2, 3):
         assert rig.try_position(id) == "right"
-        rig.do(lambda bus, id=id: bus[id].read_alarms())
+        rig.do(lambda bus, number: bus[number].read_alarms(), id)
     assert [rig.bus[id].alarms & flag for id in (1, 2, 3)] == [0, flag, 0]
     real.temperature, real.voltage = 25.0, real.model.sheet.nominal_voltage or 12.0
     rig.port.sleep(1.0)
@@ -119,8 +119,8 @@ def test_F14_a_brownout_is_found_out_and_the_joint_stays_still(key: str, driver:
     switched on anew, and the others go on."""
     rig = Rig(key, driver)
     for id in (1, 2):
-        rig.do(lambda bus, id=id: bus[id].torque_on())
-        rig.do(lambda bus, id=id: bus[id].verify())
+        rig.do(lambda bus, number: bus[number].torque_on(), id)
+        rig.do(lambda bus, number: bus[number].verify(), id)
     rig.inject("reboot@1#1:10ms")
     with_error = rig.bus[1].restarted
     rig.try_position(3)
