@@ -133,6 +133,8 @@ class _Lost:
     request: bytes
     due: float
     """Time at which it should have come."""
+    given_up: float
+    """Time at which it was last given up."""
     times: int = 1
     """How often it was asked for in vain."""
 
@@ -488,10 +490,10 @@ class Link:
         lost = self._lost.setdefault(reply.id, [])
         for n, old in enumerate(lost):
             if old.reply == reply and old.request == exchange.request:
-                lost[n] = replace(old, times=old.times + 1)
+                lost[n] = replace(old, given_up=self.transport.now(), times=old.times + 1)
                 break
         else:
-            lost.append(_Lost(reply, exchange.request, self._clear_at))
+            lost.append(_Lost(reply, exchange.request, self._clear_at, self.transport.now()))
         self._lost_until = self.transport.now() + SLOWEST
 
     def _longest(self, exchange: Exchange[Any]) -> int:
@@ -539,7 +541,7 @@ class Link:
                 except NoReply as error:
                     raise NoReply(f"{exchange.what}: no reply", error.heard) from None
                 return
-        if markers and self.transport.now() <= self._lost_until:
+        if markers and self.transport.now() <= max(old.given_up for old in suspects) + SLOWEST:
             raise NoReply(f"{exchange.what}: not asked: an older answer could still come and be taken for this one")
         # Nobody has answered for long. Begin anew.
         for key in (id, None):
