@@ -1,4 +1,4 @@
-"""A control loop at 50 Hz: a slow wave out, positions, speeds and loads back.
+"""A control loop at 20 Hz: a slow wave out, positions, speeds and loads back.
 
     python examples/control_loop.py [PORT]
 
@@ -19,8 +19,9 @@ with servobus.open(port) as bus:
     cycle = bus.cycle()
     print(cycle)
 
-    pace = cycle.every(0.02)
+    pace = cycle.every(0.05)
     with bus.torque():
+        cycle.run(rest)  # the first goals take longer: limits and torque are read, once
         for tick in pace:
             swing = 10 * deg * math.sin(2 * math.pi * 0.5 * tick.time)
             seen = cycle.run({id: at + swing for id, at in rest.items()})

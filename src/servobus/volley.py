@@ -192,7 +192,8 @@ class VolleyLink(Link):
         exchanges = gathering.exchanges
         garbled = {n for n, result in enumerate(results) if _unheard(result)} if gathering.noisy else set()
         least = LEAST * BITS_PER_BYTE / self.transport.baud
-        met, suspected = set(), set()
+        met: set[int] = set()
+        suspected: set[int] = set()
         for n in garbled - {0}:
             before = exchanges[n - 1].id
             (met if n - 1 in garbled or before in self._suspected else suspected).add(before)

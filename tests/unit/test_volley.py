@@ -25,7 +25,8 @@ BUSY = 0.5e-3
 
 
 def volley(exchanges: list[Exchange[Any]], *, again: bool = True) -> Procedure[list[Any]]:
-    return (yield Volley(exchanges, again))
+    results: list[Any] = yield Volley(exchanges, again)
+    return results
 
 
 def opened(spec: str, model: Any, ids: range, baud: int = 1_000_000) -> tuple[Bus, VirtualPort]:
@@ -110,7 +111,6 @@ class TestTwoWires:
         for servo in port.servos:
             slow(servo, monkeypatch, lambda: next(delays))
         seen = [good(bus.do(volley(questions, again=False))) for _ in range(600)]
-        print(seen)
         assert min(seen[:20]) < 8
         assert sum(seen[300:]) > 0.98 * 8 * 300
 
