@@ -154,17 +154,22 @@ class Driver(Safeguard, Generic[S]):
         """Look for servos, and look at each that is found. Moves nothing, changes nothing.
 
         `bauds` None means the factory speed of each family. `watch` is called with a `Progress` after each
-        id. What answered without making sense is in `survey.troubles` afterwards.
+        id. What answered without making sense is in `survey.troubles` afterwards. If it is broken off, by Ctrl-C
+        or by what `watch` raises, those that were found so far are known.
         """
-        self.survey = yield from procedures.scan(self._families(family), self._speeds(bauds), ids, watch)
-        servos = [servo for found in self.survey.found if (servo := self._adopt(found)) is not None]
+        survey = self.survey = Survey()
+        servos: list[S] = []
+        try:
+            yield from procedures.scan(self._families(family), self._speeds(bauds), ids, watch, survey)
+        finally:
+            servos += [servo for found in survey.found if (servo := self.adopt(found)) is not None]
         return servos
 
     @Operation
     def find(self, id: int, *, family: Family | str | None = None, bauds: Iterable[int] | None = None) -> Procedure[S]:
         """Look for one servo. Raises NoReply, or BusError if what answers is no model known here."""
         found = yield from procedures.find(self._families(family), self._speeds(bauds), id)
-        servo = self._adopt(found)
+        servo = self.adopt(found)
         assert servo is not None  # procedures.find gives known models only
         return servo
 
@@ -302,7 +307,8 @@ class Driver(Safeguard, Generic[S]):
     def _bind(self, target: Target, baud: int, firmware: str) -> S:
         """Make this driver's own kind of servo."""
 
-    def _adopt(self, found: Found) -> S | None:
+    def adopt(self, found: Found) -> S | None:
+        """Know a servo that a scan has found, as it was seen then; None for a model that is not known here."""
         if found.model is None:
             return None
         identity = found.identity
@@ -310,6 +316,7 @@ class Driver(Safeguard, Generic[S]):
             found.model, found.id, baud=found.baud, answers=identity.answers, firmware=identity.firmware
         )
         servo.state = found.state
+        servo.note_alarms(found.alarms)
         return servo
 
     def _chosen(self, ids: Iterable[int] | None) -> list[S]:

@@ -6,7 +6,7 @@ from typing import Any
 
 from servobus import models
 from servobus.errors import BadValue, BusError, MoveTimeout, NoReply, Restarted, TorqueOff, UsageError
-from servobus.exchange import Pause, Procedure, SetBaud, Volley, ask
+from servobus.exchange import Exchange, Pause, Procedure, SetBaud, Volley, ask
 from servobus.families.base import Answers, Family, Identity, Leg, Model, Target
 from servobus.families.notes import SafeAction
 from servobus.protocols.ids import LAST_ID, check_id
@@ -227,6 +227,8 @@ class Found:
     model: type[Model] | None
     state: State | None
     """None for a servo whose registers cannot be read: an unknown model, or one that answers nothing."""
+    alarms: int = 0
+    """Alarm bits that stood in its answer."""
 
 
 @frozen
@@ -275,14 +277,16 @@ def scan(
     bauds: Sequence[int] | None = None,
     ids: Iterable[int] = range(LAST_ID + 1),
     watch: Watcher | None = None,
+    survey: Survey | None = None,
 ) -> Procedure[Survey]:
     """Ask every id of every family at every speed whether it is there. Moves nothing, changes nothing.
 
-    `bauds` None means each family's factory speed.
+    `bauds` None means each family's factory speed. What is found is put into `survey` at once, so it is there even
+    if the scan is broken off.
     """
     wanted = [check_id(id) for id in ids]
     rounds = [(baud, family) for family in families for baud in bauds or (family.default_baud,)]
-    survey = Survey()
+    survey = Survey() if survey is None else survey
     done = 0
     for baud, family in sorted(rounds, key=lambda item: item[0]):
         yield SetBaud(baud)
@@ -303,8 +307,9 @@ def scan(
 def _met(family: Family, id: int, baud: int, survey: Survey) -> Procedure[Found | None]:
     """Look closer at what may have answered, and put it into the survey."""
     try:
-        yield from ask(family.ping(id))
-        found = yield from _meet(family, id, baud)
+        ping: Exchange[Any] = family.ping(id)
+        alarms = (yield ping.giving(ping.alarms)) if ping.alarms is not None else (yield ping) or 0
+        found = yield from _meet(family, id, baud, alarms)
     except NoReply:
         return None
     except BusError as error:
@@ -314,14 +319,14 @@ def _met(family: Family, id: int, baud: int, survey: Survey) -> Procedure[Found 
     return found
 
 
-def _meet(family: Family, id: int, baud: int) -> Procedure[Found]:
+def _meet(family: Family, id: int, baud: int, alarms: int) -> Procedure[Found]:
     """Get to know a servo that is there."""
     identity = yield from family.identify(id)
     model = models.identified(family, identity.number)
     state = None
     if model is not None and identity.answers is not Answers.NOTHING:
         state = yield from look(Target(id, model, identity.answers))
-    return Found(family, id, baud, identity, model, state)
+    return Found(family, id, baud, identity, model, state, alarms)
 
 
 def find(families: Sequence[Family], bauds: Sequence[int] | None, id: int) -> Procedure[Found]:

@@ -8,16 +8,16 @@ questions are kept apart by bytes that no servo takes for part of a packet; they
 of a computer could. Assumption: real servos skip such bytes before a header as the manual's packet format suggests.
 
 Two answers stay apart as long as servos are equally slow to begin. Where one is slower than the next, theirs meet: both
-are garbled. So behind each servo a gap is kept, which doubles when an answer beside it was garbled and shrinks while
-all goes well: fast as long as nothing ever happened, slowly afterwards. That the delay of a servo changes little is an
-assumption; where it does not hold, the gap grows until answers come one after the other.
+are garbled. So behind each servo a gap is kept, which doubles when both answers beside it were garbled, or one of them
+twice running, and shrinks while all goes well: fast as long as nothing ever happened, slowly afterwards. That the delay
+of a servo changes little is an assumption. Where no gap helps, questions are asked one after the other for a while.
 """
 
 import math
 from collections.abc import Sequence
 from typing import Any
 
-from servobus.errors import BusError, DuplicateId, NoReply, Refused
+from servobus.errors import BusError, DuplicateId, Garbled, NoReply, Refused
 from servobus.exchange import Exchange, Gathering, Volley
 from servobus.link import BITS_PER_BYTE, SLOW, Link, Listen, Waits
 from servobus.protocols.ids import BROADCAST
@@ -34,10 +34,13 @@ LEAST = 2
 FAST, SLOWLY = 0.9, 0.9995
 """What a gap shrinks to with each clean salvo: before the first collision, and after it."""
 LIMIT = 8
-"""Garbled salvos beyond the clean ones after which questions are asked one after the other. So many times a gap
-doubles from LEAST to the longest delay."""
-ALONE = 200
-"""Questions that are then asked one after the other, before several are tried again."""
+"""Garbled salvos after which questions are asked one after the other. So many times a gap doubles from LEAST to the
+longest delay."""
+CALM = 0.25
+"""Garbled salvos that a clean one outweighs."""
+ALONE, LONGEST = 200, 20_000
+"""Questions that must then be answered one after the other before several are tried again: at first, and at most; twice
+as many each time that it did not last."""
 
 
 class VolleyLink(Link):
@@ -48,10 +51,13 @@ class VolleyLink(Link):
         self._gaps: dict[int, float] = {}
         """Id -> s that must pass behind its answer before the next begins."""
         self._collided: set[int] = set()
-        """Ids beside whose gap an answer was garbled once."""
-        self._trouble = 0
-        self._alone = 0
-        """Questions yet to be asked one after the other."""
+        """Ids whose answer has met the next one before."""
+        self._suspected: set[int] = set()
+        """Ids behind which one answer was garbled in the last salvo: the next one's, or noise."""
+        self._trouble = 0.0
+        self._alone = 0.0
+        """Questions yet to be answered one after the other."""
+        self._span = float(ALONE)
 
     def _volley(self, volley: Volley) -> Waits[list[Any]]:
         results: list[Any] = []
@@ -60,8 +66,9 @@ class VolleyLink(Link):
             count = self._together(rest)
             some, rest = rest[:count], rest[count:]
             if count == 1:
-                self._alone = max(0, self._alone - 1)
-                results += [(yield from self._caught(some[0], again=volley.again))]
+                result = yield from self._caught(some[0], again=volley.again)
+                self._calm(result)
+                results.append(result)
             else:
                 results += yield from self._salvo(some, again=volley.again)
         return results
@@ -183,20 +190,39 @@ class VolleyLink(Link):
     def _learn(self, gathering: Gathering, results: Sequence[Any]) -> None:
         """Fit the gaps to what was garbled, and find out whether to ask one after the other."""
         exchanges = gathering.exchanges
-        garbled = [n for n, result in enumerate(results) if _unheard(result)] if gathering.noisy else []
-        beside = {exchanges[place].id for n in garbled for place in (n - 1, n) if place >= 0}
+        garbled = {n for n, result in enumerate(results) if _unheard(result)} if gathering.noisy else set()
         least = LEAST * BITS_PER_BYTE / self.transport.baud
+        met: set[int] = set()
+        suspected: set[int] = set()
+        for n in garbled - {0}:
+            before = exchanges[n - 1].id
+            (met if n - 1 in garbled or before in self._suspected else suspected).add(before)
         for exchange in exchanges:
             gap = self._gaps.get(exchange.id, GAP)
-            if exchange.id in beside:
+            if exchange.id in met:
                 gap = min(max(2 * gap, least), exchange.turnaround)
             else:
                 gap = max(gap * (SLOWLY if exchange.id in self._collided else FAST), least)
             self._gaps[exchange.id] = gap
-        self._collided |= beside
-        self._trouble = self._trouble + 1 if garbled else max(0, self._trouble - 1)
+        self._suspected = suspected
+        self._collided |= met
+        if garbled:
+            self._trouble += 1
+        else:
+            self._trouble = max(0.0, self._trouble - CALM)
+            self._span = max(ALONE, 0.99 * self._span)
         if self._trouble >= LIMIT:
-            self._trouble, self._alone = LIMIT - 2, ALONE
+            self._alone, self._span = self._span, min(2 * self._span, LONGEST)
+
+    def _calm(self, result: Any) -> None:
+        """Count a question that was asked alone; begin anew with several when enough went well."""
+        if not self._alone or isinstance(result, Garbled):
+            return
+        self._alone = max(0, self._alone - 1)
+        if not self._alone:
+            self._trouble = 0.0
+            self._gaps.clear()
+            self._collided.clear()
 
 
 def _unheard(result: Any) -> bool:

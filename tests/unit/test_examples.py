@@ -10,6 +10,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 SAYS = {
     "async_two_ports.py": "there, at",
     "backup_restore.py": "restored: ccw_angle_limit, max_torque",
+    "control_loop.py": "turns, 0 missed",
     "first_minute.py": "back",
     "herkulex_s_jog.py": "inposition+torque_on",
     "mixed_drawer.py": "LX-16A id 4 turned by 1",

@@ -1,15 +1,15 @@
 """`scan`: who is on this port."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
 import click
 
-from servobus import Bus, BusServo, ServobusError
+from servobus import Bus
 from servobus.cli.options import Where, as_json, id_list, on_port, opened, verb
 from servobus.cli.output import console, note, print_json
-from servobus.procedures import Found, Progress, Trouble
+from servobus.procedures import Found, Progress, Survey, Trouble
 from servobus.procedures import scan as scan_procedure
 from servobus.protocols.ids import LAST_ID
 
@@ -38,8 +38,6 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     """
     wanted = id_list(ids)
     rounds = where.rounds()
-    found: list[Found] = []
-    troubles: list[Trouble] = []
     with opened(port) as bus, ExitStack() as stack:
         total = len(wanted) * sum(len(bauds) for _, bauds in rounds)
         bar = Bar(stack, total)
@@ -50,10 +48,13 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
                     click.echo(_line(bus, progress.found))
             bar.advance()
 
-        for family, bauds in rounds:
-            survey = bus.do(scan_procedure([family], bauds, wanted, watch))
-            found += survey.found
-            troubles += survey.troubles
+        survey = Survey()
+        try:
+            for family, bauds in rounds:
+                bus.do(scan_procedure([family], bauds, wanted, watch, survey))
+        except KeyboardInterrupt:
+            note("servobus: stopped; this is what was found so far")
+    found, troubles = survey.found, survey.troubles
     _tell(troubles, found)
     if json:
         print_json([_entry(one) for one in found])
@@ -86,17 +87,7 @@ def _line(bus: Bus, found: Found) -> str:
     if found.model is None:
         number = found.identity.number
         return f"id {found.id} at {found.baud}: {found.family.title} model {number}, not known here"
-    # A watcher may use the bus: nothing is on its way while it is called.
-    servo: BusServo = bus.attach(
-        found.model,
-        found.id,
-        baud=found.baud,
-        answers=found.identity.answers,
-        firmware=found.identity.firmware,
-    )
-    with suppress(ServobusError):  # it is found all the same; one that answers nothing cannot be looked at
-        servo.look()
-    return str(servo)
+    return str(bus.adopt(found))
 
 
 class Bar:

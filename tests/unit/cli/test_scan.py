@@ -1,9 +1,10 @@
+import json
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from servobus import RX28, Garbled
+from servobus import RX28, Garbled, procedures
 from servobus.exchange import Pause, Procedure
 from servobus.families.base import Family
 from servobus.procedures import Survey, Trouble
@@ -49,9 +50,10 @@ def test_a_silent_port_is_no_error(run: Run) -> None:
 
 
 def test_what_answers_without_sense_is_reported(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    def garbled(families: list[Family], *_: object) -> Procedure[Survey]:
+    def garbled(families: list[Family], *rest: object) -> Procedure[Survey]:
         yield Pause(0)
-        survey = Survey()
+        survey = rest[-1]
+        assert isinstance(survey, Survey)
         survey.troubles.append(Trouble(families[0], 3, 57600, Garbled("PING id 3: 2 bytes that are no packet")))
         return survey
 
@@ -59,6 +61,25 @@ def test_what_answers_without_sense_is_reported(run: Run, monkeypatch: pytest.Mo
     result = run("scan", RX, "--family", "dynamixel", "--json")
     assert result.stdout == "[]\n"
     assert "id 3 at 57600 baud: something answers, but not clearly (PING id 3: 2 bytes" in result.stderr
+
+
+def test_alarms_are_told(run: Run) -> None:
+    result = run("scan", "virtual:rx28@1?clock=virtual&temperature=90", "--ids", "1", "--family", "dynamixel")
+    assert "ALARM overheating" in result.stdout
+
+
+def test_what_was_found_before_ctrl_c_is_told(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    find = procedures._met
+
+    def interrupted(family: Family, id: int, *rest: Any) -> Procedure[Any]:
+        if id == 2:
+            raise KeyboardInterrupt
+        return find(family, id, *rest)
+
+    monkeypatch.setattr("servobus.procedures._met", interrupted)
+    result = run("scan", RX, "--family", "dynamixel", "--json")
+    assert [one["id"] for one in json.loads(result.stdout)] == [1]
+    assert "stopped; this is what was found so far" in result.stderr
 
 
 def test_a_model_that_is_not_known_is_listed(
