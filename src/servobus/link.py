@@ -16,13 +16,15 @@ from collections.abc import Callable, Generator, Sequence
 from time import monotonic
 from typing import Any, Final, TypeAlias, TypeVar
 
+from servobus.doubts import SLOWEST, Doubts, Lost
 from servobus.errors import BrokenEcho, BusError, DuplicateId, LineBusy, NoReply, Refused, Stopped
-from servobus.exchange import Collector, Exchange, Job, Pause, Reply, SetBaud, Step, Volley, sent
+from servobus.exchange import Collector, Exchange, Job, Pause, SetBaud, Step, Volley, sent
 from servobus.framing import Framing, Noise, Packet
+from servobus.latency import Latency
 from servobus.protocols.ids import BROADCAST
 from servobus.stats import Counts, Stats
 from servobus.transports.base import Transport
-from servobus.values import frozen, replace
+from servobus.values import frozen
 
 T = TypeVar("T")
 
@@ -37,8 +39,6 @@ TRIES = 2
 """How often a question is asked at most."""
 DEADLINE = 0.5
 """s after which a question is not asked again."""
-SLOWEST = 2.0
-"""s; assumption: no servo answers later than this, whatever it does. Adapters may, but in order."""
 
 
 @frozen
@@ -62,58 +62,6 @@ MISSED: Final = object()
 """What `quick` gives where a longer look is needed."""
 
 
-class Latency:
-    """How much later than the wire allows answers come: learned from those that come.
-
-    peak      the latest of the last some thousand, s; it fades
-    patience  how long to wait for one, s: twice the peak, and SPARE; as long as few have come, at least the
-              transport's own guess
-    soonest   the soonest of the first some dozen, s; below 0 where bytes do not take the time that the speed says
-    """
-
-    __slots__ = ("_transport", "answers", "patience", "peak", "soonest")
-
-    SPARE = 0.004
-    FLOOR = 0.010
-    """s; assumption: a computer that does other things as well may look that late."""
-    LONGEST = 0.15
-    """s; what is later than that is a fault and no habit."""
-    ENOUGH = 64
-    SLACK = 0.1
-    """Share of its time on the wire by which an answer may seem to come too soon: clocks differ."""
-
-    def __init__(self, transport: Transport) -> None:
-        self._transport = transport
-        self.answers = 0
-        self.soonest = 0.0
-        self.peak = 0.0
-        self.patience = 0.0
-        self.review()
-
-    def note(self, late: float) -> None:
-        """Learn from an answer that came this many seconds later than the wire allows."""
-        self.answers += 1
-        if late < self.soonest and self.answers <= self.ENOUGH:
-            self.soonest = late
-        if late > self.peak:
-            self.peak = late
-            self.review()
-        elif not self.answers % self.ENOUGH:
-            self.peak = max(late, 0.95 * self.peak)
-            self.review()
-
-    def impossible(self, late: float, wire: float) -> bool:
-        """Tell whether nothing that is asked now can have been answered so soon; `wire` is what the bits take, s."""
-        return self._transport.timed and self.answers >= self.ENOUGH and late < self.soonest - self.SLACK * wire
-
-    def review(self) -> None:
-        """Work out the patience anew."""
-        guess = self._transport.latency
-        if self.answers >= self.ENOUGH:
-            guess = min(guess, self.FLOOR)
-        self.patience = max(guess, min(2 * self.peak + self.SPARE, self.LONGEST))
-
-
 @frozen
 class _Pace:
     """What the shortest way needs to know of an exchange at one speed."""
@@ -123,20 +71,6 @@ class _Pace:
     wire: float
     """s of these that the bits take."""
     counts: Counts
-
-
-@frozen
-class _Lost:
-    """An answer that was given up and may still come."""
-
-    reply: Reply
-    request: bytes
-    due: float
-    """Time at which it should have come."""
-    given_up: float
-    """Time at which it was last given up."""
-    times: int = 1
-    """How often it was asked for in vain."""
 
 
 class Link:
@@ -162,8 +96,7 @@ class Link:
         self.stats = Stats()
         self.latency = Latency(transport)
         self._heard, self._markers = heard, markers
-        self._lost: dict[int | None, list[_Lost]] = {}
-        """Answers that may come late, by the id they would come from."""
+        self._doubts = Doubts()
         self._doubled: dict[int, DuplicateId] = {}
         """Second answers that were found too late to tell who had asked."""
         self._unquiet = False
@@ -180,8 +113,6 @@ class Link:
         self._sent_at = 0.0
         """Time from which on a change of speed cannot spoil them any more."""
         self._deadline = 0.0
-        self._lost_until = 0.0
-        """Time after which no servo can be so late; only an adapter, and that keeps the order."""
         self._wary = True
         """Whether the next question must take the long way."""
         self.retired = False
@@ -296,8 +227,7 @@ class Link:
         """
         self.retired = self._wary = True
         link = type(self)(self.transport, echo=self.echo, heard=self._heard, markers=self._markers)
-        link.stats, link.latency, link._lost = self.stats, self.latency, dict(self._lost)
-        link._lost_until = self._lost_until
+        link.stats, link.latency, link._doubts = self.stats, self.latency, self._doubts.copy()
         link._quiet_at, link._used_speed, link._unquiet = self._quiet_at, True, True
         link._clear_at = link._sent_at = self.transport.now() + self.latency.patience
         return link
@@ -323,7 +253,7 @@ class Link:
         self._wary = (
             self.retired
             or self.echo is not False
-            or bool(self._lost or self._doubled or self._unquiet or self._clear_at)
+            or bool(self._doubts or self._doubled or self._unquiet or self._clear_at)
         )
 
     # One exchange
@@ -362,7 +292,7 @@ class Link:
         else:
             self._deadline = self._began + self._pace_now.window + self.latency.patience
             self._clear_at = self._began + len(request) * BITS_PER_BYTE / transport.baud
-        collector = Collector(exchange, self.echo, request, self._longest(exchange))
+        collector = Collector(exchange, self.echo, request, self._doubts.longest(exchange))
         chunk = begun or b""
         left = 1.0
         try:
@@ -396,7 +326,7 @@ class Link:
             yield from self._drain(exchange)
         if (error := self._doubled.pop(exchange.id, None)) is not None:
             raise error
-        if not marking and (suspects := self._suspects(exchange)):
+        if not marking and (suspects := self._doubts.suspects(exchange)):
             yield from self._mark(exchange, suspects)
 
     def _send(self, exchange: Exchange[Any], request: bytes) -> None:
@@ -433,7 +363,7 @@ class Link:
             error = None
         counts.checksum += collector.corrupt
         counts.junk += collector.junk
-        older = sum(old.times for old in self._lost.get(exchange.id, ()) if old.request == exchange.request)
+        older = self._doubts.count(exchange)
         for stranger in collector.strangers:
             self._stray(stranger)
         if packet is not None:
@@ -468,8 +398,8 @@ class Link:
         counts.worst = max(counts.worst, late)
         self.latency.note(late)
         self._answered = exchange
-        if self._lost:
-            self._settle(packet.id, exchange, now)
+        if self._doubts:
+            self._doubts.settle(packet.id, exchange, now)
         if exchange.alarms is not None and (exchange.alarms(packet) or self._alarming):
             self._tell_alarms(exchange, packet)
 
@@ -484,42 +414,15 @@ class Link:
 
     def _lose(self, exchange: Exchange[Any]) -> None:
         """Remember an answer that did not come, and may come late."""
-        reply = exchange.reply
-        if reply is None:
-            return
-        lost = self._lost.setdefault(reply.id, [])
-        for n, old in enumerate(lost):
-            if old.reply == reply and old.request == exchange.request:
-                lost[n] = replace(old, given_up=self.transport.now(), times=old.times + 1)
-                break
-        else:
-            lost.append(_Lost(reply, exchange.request, self._clear_at, self.transport.now()))
-        self._lost_until = self.transport.now() + SLOWEST
+        self._doubts.lose(exchange, self._clear_at, self.transport.now())
 
-    def _longest(self, exchange: Exchange[Any]) -> int:
-        """Give the size of the longest packet that may come late, in bytes; 0 if none may."""
-        lost = self._lost and [*self._lost.get(exchange.id, ()), *self._lost.get(None, ())]
-        return exchange.framing.overhead + max(max(old.reply.sizes) for old in lost) if lost else 0
-
-    def _suspects(self, exchange: Exchange[Any]) -> list[_Lost]:
-        """Give the late answers that could be mistaken for the answer to this question."""
-        reply = exchange.reply
-        if reply is None or not self._lost:
-            return []
-        lost = self._lost.get(reply.id, []) + (self._lost.get(None, []) if reply.id is not None else [])
-        # Whether somebody is there may be told by an older answer as well.
-        same = exchange.request if exchange.interpret is sent else None
-        return [old for old in lost if reply.mistakes(old.reply) and old.request != same]
-
-    def _mark(self, exchange: Exchange[Any], suspects: Sequence[_Lost]) -> Waits[None]:
+    def _mark(self, exchange: Exchange[Any], suspects: Sequence[Lost]) -> Waits[None]:
         """Ask something else, whose answer ends all doubts about what comes late."""
         id = exchange.id
         patience = self.latency.patience
         markers = [_strict(marker) for marker in self._markers(exchange.framing, id)] if id != BROADCAST else []
         for marker in markers:
-            shape = marker.reply
-            every = (*suspects, *self._lost.get(id, ()), *self._lost.get(None, ()))
-            if shape is None or any(shape.mistakes(old.reply) for old in every):
+            if self._doubts.unclear(marker, suspects):
                 continue
             try:
                 yield from self._attempt(marker, marking=True)
@@ -532,9 +435,7 @@ class Link:
                 raise NoReply(f"{exchange.what}: no reply", error.heard) from None
             return
         # All of them were asked in vain. Whichever answer to the last of them comes, it comes behind the suspects.
-        lost = [old.request for old in self._lost.get(id, ())]
-        behind = max((lost.index(old.request) for old in suspects if old.request in lost), default=-1)
-        for request in reversed(lost[behind + 1 :]):
+        for request in self._doubts.behind(id, suspects):
             if (last := next((marker for marker in markers if marker.request == request), None)) is not None:
                 try:
                     yield from self._attempt(last, marking=True)
@@ -543,44 +444,24 @@ class Link:
                 return
         if markers and self.transport.now() <= max(old.given_up for old in suspects) + SLOWEST:
             raise NoReply(f"{exchange.what}: not asked: an older answer could still come and be taken for this one")
-        # Nobody has answered for long. Begin anew.
-        for key in (id, None):
-            self._lost.pop(key, None)
-
-    def _settle(self, id: int, exchange: Exchange[Any], now: float) -> None:
-        """Forget what cannot come any more now that this servo has answered a later question."""
-        reply = exchange.reply
-        if now > self._lost_until:
-            self._lost.clear()
-        for key in (id, None):
-            if key in self._lost and reply is not None:
-                # If this may be the answer to an older question of its kind, what was asked behind that is still open.
-                lost = self._lost[key]
-                first = next((n for n, old in enumerate(lost) if reply.mistakes(old.reply)), len(lost))
-                self._lost[key] = lost[first:]
-                if not self._lost[key]:
-                    del self._lost[key]
+        self._doubts.forget(id)  # nobody has answered for long: begin anew
 
     def _stray(self, packet: Packet) -> None:
         """Take note of a packet that is no answer to what was asked: a late one, or a stranger's."""
         counts = self.stats[packet.id]
-        for key in (packet.id, None):
-            for n, old in enumerate(self._lost.get(key, ())):
-                if old.reply.fits(packet):
-                    self._lost[key][n : n + 1] = [replace(old, times=old.times - 1)] if old.times > 1 else []
-                    if not self._lost[key]:
-                        del self._lost[key]
-                    counts.late += 1
-                    self.latency.note(self.transport.now() - old.due)
-                    return
-        counts.strangers += 1
+        old = self._doubts.claim(packet)
+        if old is None:
+            counts.strangers += 1
+        else:
+            counts.late += 1
+            self.latency.note(self.transport.now() - old.due)
 
     def _sort(self, leftover: bytes, framing: Framing) -> None:
         """Look through bytes that came when nobody waited for any."""
         last = self._answered
         for event in (last.framing if last is not None else framing).decode(leftover):
             if isinstance(event, Packet):
-                known = any(old.reply.fits(event) for old in self._lost.get(event.id, ()))
+                known = self._doubts.expects(event)
                 if last is not None and last.reply is not None and last.reply.fits(event) and not known:
                     self.stats[event.id].doubled += 1
                     collector = Collector(last)

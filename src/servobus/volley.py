@@ -84,7 +84,7 @@ class VolleyLink(Link):
                 or exchange.id == BROADCAST
                 or exchange.id in ids
                 or exchange.framing is not exchanges[0].framing
-                or self._suspects(exchange)
+                or self._doubts.suspects(exchange)
             ):
                 break
             ids.add(exchange.id)

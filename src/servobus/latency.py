@@ -1,0 +1,55 @@
+"""How long to wait for an answer, beyond what the wire and the servo take: adapter and system, measured."""
+
+from servobus.transports.base import Transport
+
+
+class Latency:
+    """How much later than the wire allows answers come: learned from those that come.
+
+    peak      the latest of the last some thousand, s; it fades
+    patience  how long to wait for one, s: twice the peak, and SPARE; as long as few have come, at least the
+              transport's own guess
+    soonest   the soonest of the first some dozen, s; below 0 where bytes do not take the time that the speed says
+    """
+
+    __slots__ = ("_transport", "answers", "patience", "peak", "soonest")
+
+    SPARE = 0.004
+    FLOOR = 0.010
+    """s; assumption: a computer that does other things as well may look that late."""
+    LONGEST = 0.15
+    """s; what is later than that is a fault and no habit."""
+    ENOUGH = 64
+    SLACK = 0.1
+    """Share of its time on the wire by which an answer may seem to come too soon: clocks differ."""
+
+    def __init__(self, transport: Transport) -> None:
+        self._transport = transport
+        self.answers = 0
+        self.soonest = 0.0
+        self.peak = 0.0
+        self.patience = 0.0
+        self.review()
+
+    def note(self, late: float) -> None:
+        """Learn from an answer that came this many seconds later than the wire allows."""
+        self.answers += 1
+        if late < self.soonest and self.answers <= self.ENOUGH:
+            self.soonest = late
+        if late > self.peak:
+            self.peak = late
+            self.review()
+        elif not self.answers % self.ENOUGH:
+            self.peak = max(late, 0.95 * self.peak)
+            self.review()
+
+    def impossible(self, late: float, wire: float) -> bool:
+        """Tell whether nothing that is asked now can have been answered so soon; `wire` is what the bits take, s."""
+        return self._transport.timed and self.answers >= self.ENOUGH and late < self.soonest - self.SLACK * wire
+
+    def review(self) -> None:
+        """Work out the patience anew."""
+        guess = self._transport.latency
+        if self.answers >= self.ENOUGH:
+            guess = min(guess, self.FLOOR)
+        self.patience = max(guess, min(2 * self.peak + self.SPARE, self.LONGEST))
