@@ -37,7 +37,7 @@ class Latency:
         if late < self.soonest and self.answers <= self.ENOUGH:
             self.soonest = late
         if late > self.peak:
-            self.peak = late
+            self.peak = min(late, self.LONGEST)
             self.review()
         elif not self.answers % self.ENOUGH:
             self.peak = max(late, 0.95 * self.peak)

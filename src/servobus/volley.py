@@ -141,7 +141,8 @@ class VolleyLink(Link):
             data += exchange.framing.filler * math.ceil(free - len(data) - len(exchange.request))
             data += exchange.request
             sizes.append(len(data))
-            free = len(data) + SLOW * exchange.reply_size + self._gaps.get(exchange.id, GAP) / byte_time
+            gap = max(self._gaps.get(exchange.id, GAP) / byte_time, LEAST)
+            free = len(data) + SLOW * exchange.reply_size + gap
             self.stats[exchange.id].sent += 1
         self.stats[exchanges[-1].id].sent -= 1
         self._send(exchanges[-1], bytes(data))
