@@ -322,7 +322,7 @@ class TestSeveralAtOnce:
 
         assert bus.do(job()) == [None, None, None]
         (request,) = port.requests
-        # STAT is 7 bytes, its answer 9, of a servo that is 3 % slow 9.3, and 2 keep the answers apart: 12, filled with 00.
+        # STAT is 7 bytes, its answer 9 or, if the servo is 3 % slow, 9.3; 2 keep answers apart: 12, filled with 00.
         assert len(bytes.fromhex(request)) == 12 * 2 + 7
         assert [bus.stats[id].received for id in self.IDS] == [1, 1, 1]
 
