@@ -3,11 +3,8 @@
 MISSING has no test at all. PARTLY has a test of the same number that leaves out what is said here.
 """
 
-MISSING: dict[int, str] = {
-    22: "a count of overruns and no burst of old goals: bus.cycle() is not there yet",
-}
+MISSING: dict[int, str] = {}
 
 PARTLY: dict[int, str] = {
-    15: "the diagnosis that all behind one servo are lost",
-    16: "a port that comes back under another name is followed by the adapter's serial number",
+    16: "a port that comes back under another name, followed by serial number: see tests/unit/test_serial_port.py",
 }
