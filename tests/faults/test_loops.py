@@ -1,9 +1,8 @@
 """Control loops on a line that goes wrong: a chain that is cut, a computer that stalls (F15, F22)."""
 
+import itertools
 from collections.abc import AsyncIterator
 from typing import Any
-
-import pytest
 
 from faults.rig import DRIVERS, EVERY, Rig
 from servobus import deg
@@ -71,7 +70,7 @@ def test_F22_a_stall_is_counted_and_brings_no_burst_of_old_goals(key: str, drive
     assert [number for number, _ in sent] in ([0, 1, 2, 6, 7, 8, 9], [0, 1, 2, 7, 8, 9])
     assert pace.missed == 10 - len(sent)
     assert pace.overruns >= 1
-    gaps = [later - earlier for (_, earlier), (_, later) in zip(sent, sent[1:], strict=False)]
+    gaps = [later - earlier for (_, earlier), (_, later) in itertools.pairwise(sent)]
     assert min(gaps) > PERIOD / 2 - 1e-9
     first = sent[0][1]
     assert all(abs(time - first - number * PERIOD) < PERIOD / 2 + 1e-9 for number, time in sent)
