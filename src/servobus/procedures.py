@@ -140,6 +140,23 @@ def set_going(targets: Iterable[Target]) -> None:
             target.notes.go()
 
 
+def keep_going(targets: Iterable[Target]) -> None:
+    """Take note that these are given goals again and again. As `set_going`, but quick for those that move already.
+
+    The targets are on one bus, so that one word to its watch is enough.
+    """
+    attended = False
+    for target in targets:
+        notes = target.notes
+        if notes is None:
+            continue
+        if not notes.driven or notes.held or notes.halted:
+            notes.go()
+        elif not attended:
+            attend(target)
+            attended = True
+
+
 def make_safe(target: Target, action: SafeAction) -> Procedure[None]:
     """Hold a servo where it is, free it or brake it."""
     family, notes = target.model.family, target.notes

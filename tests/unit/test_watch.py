@@ -276,6 +276,56 @@ def test_a_move_that_arrived_and_was_stopped_then_has_arrived(lx: Arm) -> None:
         move.wait()
 
 
+def test_a_control_cycle_that_ends_has_its_servos_stopped(arm: tuple[str, Arm]) -> None:
+    """Nothing but the cycle's goals tells the bus that servo 1 moves: its torque was on before."""
+    key, served = arm
+    with served.open() as bus:
+        bus.attach(MODELS[key], 1).torque_on()
+    served.heard.clear()
+    with served.open() as bus:
+        servos = [bus.attach(MODELS[key], id) for id in (1, 2)]
+        cycle = bus.cycle(["present_position"], servos=[1, 2])
+        here = servos[0].look().position
+        watch = bus.watch(LONG)
+        assert not any(servo.notes.driven for servo in servos)
+        for step in range(1, 4):
+            fed = watch._fed
+            cycle.run({1: here + step * deg})
+            assert watch._fed > fed
+        assert [servo.notes.driven for servo in servos] == [True, False]
+        fed = watch._fed
+        cycle.run()  # who only reads may be stuck in what he computes
+        assert watch._fed == fed
+        served.heard.clear()
+        watch.timeout = SOON
+        with watch._changed:
+            watch._changed.notify()
+        assert watch.wait(PATIENCE)
+        bus.read_all("present_position")  # bytes keep their order: what was sent before has been heard
+        assert (stops(served.heard, key, 1), stops(served.heard, key, 2)) == (1, 0)
+        with pytest.raises(Stopped, match="was not fed"):
+            cycle.run({1: here})
+        cycle.run()
+        watch.timeout = LONG
+        watch.reset()
+        cycle.run({1: here})
+        assert servos[0].notes.driven
+
+
+def test_a_cycle_moves_no_servo_that_was_stopped_for_its_own_good(lx: Arm) -> None:
+    with lx.open() as bus:
+        servo = bus.attach(LX16A, 1)
+        servo.torque_on()
+        cycle = bus.cycle(["present_position"])
+        cycle.run({1: servo.look().position})
+        servo.stop()
+        cycle.run({1: servo.look().position})
+        assert not servo.notes.held  # so a trip of the watch stops it again
+        servo.notes.halted = "too hot"
+        with pytest.raises(Stopped, match="too hot"):
+            cycle.run({1: 1.0})
+
+
 def test_after_reset_it_guards_again(lx: Arm) -> None:
     with lx.open() as bus:
         servo = going(bus, "lx16a")
