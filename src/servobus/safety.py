@@ -82,6 +82,11 @@ class Safeguard(ABC):
         for joint in self._joints():
             joint.notes.safe_action = action
 
+    @property
+    def watching(self) -> Watch | None:
+        """The watch that `watch` has begun and nobody has ended; None if there is none."""
+        return self._watch
+
     def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> Watch:
         """Guard streamed motion: make the servos safe if nothing is heard of this program for `timeout` s.
 
@@ -96,7 +101,7 @@ class Safeguard(ABC):
         if not self.transport.blocking():
             raise UsageError(f"{self.transport.name}: its clock is virtual, and a watch guards against real delays")
         if self._watch is not None:
-            raise UsageError("this bus has a watch already; stop() it first")
+            raise UsageError(f"this bus has a watch already, {self._watch!r}; `watching.stop()` of the bus ends it")
         if action is not None:
             check_safe_action(action, [joint.target for joint in self._joints()])
         self._watch_action = action

@@ -79,6 +79,19 @@ def test_it_trips_once_when_nobody_feeds_it() -> None:
     assert one.acts == 1
 
 
+def test_it_says_how_it_stands() -> None:
+    one = Counted(0.5)
+    with one.watch as watch:
+        one.now += 0.125
+        assert repr(watch) == "<watch of 0.5 s: fed 0.125 s ago>"
+        one.driven = False
+        assert str(watch) == "<watch of 0.5 s: nothing is in motion>"
+        one.driven = True
+        watch._trip()
+        assert repr(watch) == "<watch of 0.5 s: tripped, nothing moves before reset() or stop()>"
+    assert repr(watch) == "<watch of 0.5 s: ended>"
+
+
 def test_a_feed_that_comes_too_late_trips_it() -> None:
     """After SIGSTOP the program may run before the thread of the watch does."""
     one = Counted()
@@ -421,10 +434,25 @@ def test_what_cannot_be_watched_is_refused(lx: Arm) -> None:
             bus.watch(action="stop")  # type: ignore[arg-type]
         with pytest.raises(BadValue):
             bus.watch(0)
-        with bus.watch(LONG), pytest.raises(UsageError, match="has a watch already"):
+        bus.watch(LONG)
+        with pytest.raises(UsageError, match=r"has a watch already, <watch of 60 s: .*>; `watching\.stop\(\)`"):
             bus.watch()
     with lx.open() as bus, bus.watch(LONG, "brake"), pytest.raises(UsageError, match="cannot brake"):
         bus.attach(LX16A, 2).torque_on()
+
+
+def test_a_watch_that_was_thrown_away_is_found_again(lx: Arm) -> None:
+    with lx.open() as bus:
+
+        def watching() -> Watch | None:
+            return bus.watching
+
+        assert watching() is None
+        bus.watch(LONG)
+        watch = watching()
+        assert watch is not None
+        watch.stop()
+        assert watching() is None
 
 
 def test_on_a_virtual_clock_there_is_nothing_to_watch() -> None:
