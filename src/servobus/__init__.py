@@ -16,12 +16,16 @@ What only one family can do is in `servobus.dynamixel1`, `servobus.herkulex` and
 from servobus.backup import Backup
 from servobus.bus import Bus, BusServo, Move
 from servobus.connect import open, open_async
+from servobus.driver import Reunion
 from servobus.errors import (
     BadChecksum,
     BadValue,
+    BrokenEcho,
     BusError,
+    DuplicateId,
     EepromWear,
     Garbled,
+    LineBusy,
     MoveTimeout,
     NoReply,
     PortError,
@@ -29,6 +33,7 @@ from servobus.errors import (
     Refused,
     Restarted,
     ServobusError,
+    ShortReply,
     Stopped,
     TorqueOff,
     UnknownName,
@@ -38,7 +43,9 @@ from servobus.errors import (
 from servobus.models import DRS0602, FAMILIES, LX16A, MODELS, RX28
 from servobus.procedures import State
 from servobus.protocols import dynamixel1, herkulex, lewansoul
+from servobus.stats import Counts, Stats
 from servobus.units import deg, ms, rpm
+from servobus.watch import Watch
 
 __version__ = "0.1.0"
 
@@ -51,11 +58,15 @@ __all__ = [
     "Backup",
     "BadChecksum",
     "BadValue",
+    "BrokenEcho",
     "Bus",
     "BusError",
     "BusServo",
+    "Counts",
+    "DuplicateId",
     "EepromWear",
     "Garbled",
+    "LineBusy",
     "Move",
     "MoveTimeout",
     "NoReply",
@@ -63,12 +74,16 @@ __all__ = [
     "PortLost",
     "Refused",
     "Restarted",
+    "Reunion",
     "ServobusError",
+    "ShortReply",
     "State",
+    "Stats",
     "Stopped",
     "TorqueOff",
     "UnknownName",
     "UsageError",
+    "Watch",
     "WrongReply",
     "deg",
     "dynamixel1",

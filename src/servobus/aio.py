@@ -55,7 +55,7 @@ class AsyncMove:
         return max(course.duration for course in self.courses)
 
     async def wait(self, timeout: float | None = None) -> None:  # noqa: ASYNC109 - the bus's clock, which may be virtual
-        """Start if need be, and wait until the servos stand still near their goals. Raises MoveTimeout."""
+        """Start if need be, and wait until the servos stand still near their goals; see `Move.wait`."""
         await self._started()
         await self._bus.arrive(self.courses, timeout)
 

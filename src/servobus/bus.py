@@ -47,7 +47,10 @@ class Move:
         return max(course.duration for course in self.courses)
 
     def wait(self, timeout: float | None = None) -> None:
-        """Wait until the servos stand still near their goals. Raises MoveTimeout."""
+        """Wait until the servos stand still near their goals.
+
+        It feeds the watch. Raises MoveTimeout, and Stopped at once if a servo was made safe, stopped or switched off.
+        """
         self._bus.arrive(self.courses, timeout)
 
 

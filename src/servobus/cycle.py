@@ -157,12 +157,14 @@ class Cycle:
 
         All goals are checked before any is sent, `max_step` against what the last cycle read. Raises BadValue,
         UsageError for a servo in endless turn, TorqueOff where the torque is known to be off. Whether it is, and which
-        limits are set, is read once, before the first goal. Nothing is asked twice: see `lost` of the result.
+        limits are set, is read once, before the first goal. Goals feed the watch. Raises Stopped if nothing is to move
+        now. Nothing is asked twice: see `lost` of the result.
         """
         if any(part.servo.target is not part.target for part in self._parts.values()):
             self._prepare()  # another id, speed or way to answer
         result = Result(self._chain)
         raw = (yield from self._checked(goals, result)) if goals else {}
+        procedures.keep_going(self._parts[id].target for id in raw)
         for group in self._groups:
             yield SetBaud(group.baud)
             if sent := {part.target: raw[id] for id in raw if (part := self._parts[id]) in group.parts}:

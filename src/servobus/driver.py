@@ -132,6 +132,7 @@ class Driver(Safeguard, Generic[S]):
             return old
         servo = self._bind(Target(id, model, answers), baud, firmware)
         servo.notes.gate = partial(self._about_to_move, servo)
+        servo.notes.attend = self._attended
         servo.notes.safe_action = self._safe_action
         if old is None:
             self._servos.append(servo)
@@ -210,7 +211,7 @@ class Driver(Safeguard, Generic[S]):
 
     @Operation
     def arrive(self, courses: list[Course], timeout: float | None = None) -> Procedure[None]:
-        """Wait until all servos of these moves stand still near their goals. Raises MoveTimeout."""
+        """Wait until all servos of these moves stand still near their goals; see `procedures.arrive`."""
         for course in courses:
             yield SetBaud(self[course.legs[0].target.id].baud)
             yield from procedures.arrive(course, timeout=timeout)

@@ -19,8 +19,8 @@
         ├── Refused                   the servo understood and said no
         ├── TorqueOff                 a move was asked of a servo without torque
         ├── Restarted                 the servo lost what was set in its RAM
-        ├── Stopped                   the servos were made safe: nothing is to move now
-        └── MoveTimeout               the servo did not arrive in time
+        ├── Stopped                   the servos were made safe or stopped: what was under way ended
+        └── MoveTimeout (TimeoutError)  the servo did not arrive in time
 
 An alarm (overheating, low voltage ...) is not in this tree: it is data, and stands beside the values.
 """
@@ -115,7 +115,10 @@ class Restarted(BusError):
 
 
 class Stopped(BusError):
-    """The servos were made safe, by a watch or on the way out: what was under way ended, and nothing is to move now."""
+    """What was under way ended: servos were made safe, by a watch or on the way out, or somebody stopped one.
+
+    Raised by commands of motion too, as long as nothing is to move.
+    """
 
 
 class MoveTimeout(BusError, TimeoutError):

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from servobus import models
-from servobus.errors import BadValue, BusError, MoveTimeout, NoReply, Restarted, TorqueOff, UsageError
+from servobus.errors import BadValue, BusError, MoveTimeout, NoReply, Restarted, Stopped, TorqueOff, UsageError
 from servobus.exchange import Exchange, Pause, Procedure, SetBaud, Volley, ask
 from servobus.families.base import Answers, Family, Identity, Leg, Model, Target
 from servobus.families.notes import SafeAction
@@ -18,6 +18,11 @@ DEFAULT_SPEED = 90 * deg
 """Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try."""
 SHORTEST = 0.02
 """Seconds that a move takes at least if its time follows from a speed: one to where it stands still is one too."""
+
+LOOK = 0.02
+"""s between two looks whether a servo has arrived."""
+ATTENTION = 0.05
+"""s between two words to the watch while it cannot have arrived yet: well within the time-out of most."""
 
 
 # Looking
@@ -135,6 +140,23 @@ def set_going(targets: Iterable[Target]) -> None:
             target.notes.go()
 
 
+def keep_going(targets: Iterable[Target]) -> None:
+    """Take note that these are given goals again and again. As `set_going`, but quick for those that move already.
+
+    The targets are on one bus, so that one word to its watch is enough.
+    """
+    attended = False
+    for target in targets:
+        notes = target.notes
+        if notes is None:
+            continue
+        if not notes.driven or notes.held or notes.halted:
+            notes.go()
+        elif not attended:
+            attend(target)
+            attended = True
+
+
 def make_safe(target: Target, action: SafeAction) -> Procedure[None]:
     """Hold a servo where it is, free it or brake it."""
     family, notes = target.model.family, target.notes
@@ -189,28 +211,47 @@ def raw_goal(target: Target, angle: float) -> int:
 def arrive(course: Course, *, timeout: float | None = None, tolerance: float = 3 * deg) -> Procedure[None]:
     """Wait until all servos of a move stand still near their goals.
 
-    `timeout` is in seconds from now; the move's own duration and 2 s by default. Raises MoveTimeout.
+    `timeout` is in seconds from now; the move's own duration and 2 s by default. Raises MoveTimeout, or Stopped as soon
+    as one of them does not come any more: it was made safe, stopped, or its torque was switched off.
     """
     if timeout is not None and not timeout >= 0:
         raise BadValue(f"timeout {timeout} is not a number of seconds")
-    pace = 0.02
     left = course.duration + 2.0 if timeout is None else timeout
-    head_start = min(course.duration, left)
-    yield Pause(head_start, shared=True)
-    left -= head_start
-    for leg in course.legs:
+    begin = left - course.duration
+    while left > max(begin, 0) and not any(_given_up(leg.target) for leg in course.legs):
+        attend(course.legs[0].target)
+        pause = min(left - max(begin, 0), ATTENTION)
+        yield Pause(pause, shared=True)
+        left -= pause
+    for leg in sorted(course.legs, key=lambda leg: not _given_up(leg.target)):
         row = leg.target.model.register("present_position")
         while True:
+            attend(leg.target)
+            given_up = _given_up(leg.target)
             moving = yield from leg.target.model.family.moving(leg.target)
             (raw,) = yield from ask(leg.target.model.family.read(leg.target, [row]))
             if not moving and abs(row.decode(raw) - row.decode(leg.goal)) <= tolerance:
                 break
-            if left <= 0:
-                raise MoveTimeout(
-                    f"{leg.target} is at {row.show(row.decode(raw))} and did not reach {row.show(row.decode(leg.goal))}"
+            here, goal = row.show(row.decode(raw)), row.show(row.decode(leg.goal))
+            if given_up:
+                raise Stopped(
+                    f"{leg.target} is at {here} and goes to {goal} no more: it was stopped or its torque switched off"
                 )
-            yield Pause(pace, shared=True)
-            left -= pace
+            if left <= 0:
+                raise MoveTimeout(f"{leg.target} is at {here} and did not reach {goal}")
+            yield Pause(LOOK, shared=True)
+            left -= LOOK
+
+
+def attend(target: Target) -> None:
+    """Say that somebody cares for a servo in motion, which feeds the watch. Raises Stopped if nothing is to move."""
+    if target.notes is not None and target.notes.attend is not None:
+        target.notes.attend()
+
+
+def _given_up(target: Target) -> bool:
+    """Tell whether something has ended its motion since it was set going."""
+    return target.notes is not None and (target.notes.held or not target.notes.driven)
 
 
 # Finding

@@ -82,20 +82,26 @@ class Safeguard(ABC):
         for joint in self._joints():
             joint.notes.safe_action = action
 
+    @property
+    def watching(self) -> Watch | None:
+        """The watch that `watch` has begun and nobody has ended; None if there is none."""
+        return self._watch
+
     def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> Watch:
         """Guard streamed motion: make the servos safe if nothing is heard of this program for `timeout` s.
 
-        Each command of motion on this bus feeds the watch, and `feed()` does. If neither comes in time, a thread of
-        its own runs `action`, or each servo's safe action, once, even while the program is stuck or another thread
-        has the line. Then commands of motion raise Stopped until `reset()` or `stop()` of what is given here. Servos
-        that this bus has not switched on or set in motion are left alone, and as long as there is none nothing trips.
+        Each command of motion on this bus feeds the watch, waiting for a move does, and `feed()`. If none comes in
+        time, a thread of its own runs `action`, or each servo's safe action, once, even while the program is stuck or
+        another thread has the line. Then commands of motion raise Stopped until `reset()` or `stop()` of what is given
+        here, and so does waiting for a move. Servos that this bus has not switched on or set in motion are left alone,
+        and as long as there is none nothing trips.
 
         Real time is what counts; on a port with a virtual clock a watch is a UsageError.
         """
         if not self.transport.blocking():
             raise UsageError(f"{self.transport.name}: its clock is virtual, and a watch guards against real delays")
         if self._watch is not None:
-            raise UsageError("this bus has a watch already; stop() it first")
+            raise UsageError(f"this bus has a watch already, {self._watch!r}; `watching.stop()` of the bus ends it")
         if action is not None:
             check_safe_action(action, [joint.target for joint in self._joints()])
         self._watch_action = action
@@ -156,6 +162,13 @@ class Safeguard(ABC):
             self._watch.feed()
         if self.transport.blocking():  # servos on a virtual clock end with this process
             _arm(self)
+
+    def _attended(self) -> None:
+        """Hear that the program is alive and cares for what it moves. Raises Stopped if nothing is to move."""
+        if self._ending:
+            raise Stopped(f"{self.transport.name}: the bus is being closed and its servos were made safe")
+        if self._watch is not None:
+            self._watch.feed()
 
     def _crashed(self, error: BaseException | None) -> bool:
         """Tell whether a `with` block ended by accident: sys.exit(0) is none."""

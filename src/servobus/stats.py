@@ -28,6 +28,11 @@ class Counts:
         self.doubled = self.echo = self.junk = self.retries = 0
         self.worst = 0.0
 
+    def __repr__(self) -> str:
+        """Show what is not 0, and how many were sent and received in any case."""
+        names = [name for name in COLUMNS if name in ("sent", "received") or getattr(self, name)]
+        return f"<{', '.join(f'{name} {_cell(self, name)}' for name in names)}>"
+
     @property
     def failed(self) -> int:
         """Requests whose answer was not to be had at once."""
@@ -56,6 +61,9 @@ class Stats:
                 setattr(total, name, max(both) if name == "worst" else sum(both))
         return total
 
+    def __repr__(self) -> str:
+        return f"<Stats of {len(self.servos)} ids: {repr(self.total)[1:-1]}>"
+
     def __str__(self) -> str:
         """Draw a table: a line for each servo that was asked, and the sum."""
         rows = [(str(id), counts) for id, counts in sorted(self.servos.items()) if counts.sent]
@@ -63,8 +71,12 @@ class Stats:
         return "\n".join([head, *(_line(*row) for row in [*rows, ("total", self.total)])])
 
 
+def _cell(counts: Counts, column: str) -> str:
+    return f"{counts.worst * 1e3:.1f}ms" if column == "worst" else str(getattr(counts, column))
+
+
 def _line(name: str, counts: Counts) -> str:
-    cells = [f"{counts.worst * 1e3:.1f}ms" if column == "worst" else getattr(counts, column) for column in COLUMNS]
+    cells = [_cell(counts, column) for column in COLUMNS]
     return f"{name:>5}" + "".join(
         f" {cell:>{max(5, len(column))}}" for cell, column in zip(cells, COLUMNS, strict=True)
     )

@@ -45,6 +45,17 @@ class Watch:
         self._thread = threading.Thread(target=self._run, name="servobus watch", daemon=True)
         self._thread.start()
 
+    def __repr__(self) -> str:
+        if self._over:
+            state = "ended"
+        elif self._tripped:
+            state = "tripped, nothing moves before reset() or stop()"
+        elif not self._driven():
+            state = "nothing is in motion"
+        else:
+            state = f"fed {max(self._clock() - self._fed, 0):.3f} s ago"
+        return f"<watch of {self.timeout:g} s: {state}>"
+
     def __enter__(self) -> Self:
         return self
 

@@ -41,3 +41,12 @@ def test_the_table_has_a_line_for_each_that_was_asked_and_the_sum() -> None:
     assert lines[1].endswith("12.3ms")
     assert lines[2].split()[1] == "1000005"
     assert lines[2].split()[5] == "2"
+
+
+def test_counts_show_themselves_without_the_zeros() -> None:
+    stats = Stats()
+    assert repr(stats[1]) == str(stats[1]) == "<sent 0, received 0>"
+    stats[1].sent, stats[1].received, stats[1].timeouts, stats[1].worst = 5, 4, 1, 0.0023
+    stats[2].sent = 3
+    assert repr(stats[1]) == "<sent 5, received 4, timeouts 1, worst 2.3ms>"
+    assert repr(stats) == "<Stats of 2 ids: sent 8, received 4, timeouts 1, worst 2.3ms>"

@@ -2,12 +2,13 @@
 
 import asyncio
 import os
+import re
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -76,6 +77,19 @@ def test_it_trips_once_when_nobody_feeds_it() -> None:
         with pytest.raises(Stopped, match=r"was not fed for 0\.25 s"):
             watch.feed()
     assert one.acts == 1
+
+
+def test_it_says_how_it_stands() -> None:
+    one = Counted(0.5)
+    with one.watch as watch:
+        one.now += 0.125
+        assert repr(watch) == "<watch of 0.5 s: fed 0.125 s ago>"
+        one.driven = False
+        assert str(watch) == "<watch of 0.5 s: nothing is in motion>"
+        one.driven = True
+        watch._trip()
+        assert repr(watch) == "<watch of 0.5 s: tripped, nothing moves before reset() or stop()>"
+    assert repr(watch) == "<watch of 0.5 s: ended>"
 
 
 def test_a_feed_that_comes_too_late_trips_it() -> None:
@@ -193,6 +207,138 @@ def test_feeding_and_motion_keep_it_from_tripping(lx: Arm) -> None:
         assert not watch.tripped
 
 
+def test_waiting_for_a_move_feeds_it(lx: Arm) -> None:
+    with lx.open() as bus, bus.watch(LONG) as watch:
+        servo = bus.attach(LX16A, 1)
+        servo.torque_on()
+        move = servo.move(servo.look().position + 20 * deg, time=0.5)
+        fed, feed = [], watch.feed
+
+        def counted() -> None:
+            fed.append(watch._fed)
+            feed()
+
+        watch.feed = counted  # type: ignore[method-assign]
+        move.wait()
+    # Every 0.05 s of 0.5 s, and at the look that finds that it has arrived.
+    assert len(fed) >= 11
+
+
+class Slow:
+    """A servo under way for 100 s, longer than any of these tests."""
+
+    @staticmethod
+    def arm() -> Arm:
+        return Arm("rx28@1")
+
+    @staticmethod
+    def ended(bus: Any, end: Callable[[Any], object]) -> BaseException:
+        """Wait for it in a thread, end the motion in this one, and give what the waiting thread got."""
+        servo = bus.attach(RX28, 1)
+        servo.torque_on()
+        move = servo.move(servo.look().position + 100 * deg, speed=1 * deg)
+        assert move.duration == pytest.approx(100.0)
+        waits, got = threading.Event(), []
+        attended = servo.notes.attend
+
+        def attend() -> None:
+            waits.set()
+            attended()
+
+        def wait() -> None:
+            try:
+                move.wait()
+            except BaseException as error:  # noqa: BLE001 - the test looks at it
+                got.append(error)
+
+        servo.notes.attend = attend
+        waiter = threading.Thread(target=wait, daemon=True)
+        waiter.start()
+        assert waits.wait(PATIENCE)
+        end(servo)
+        waiter.join(PATIENCE)
+        assert not waiter.is_alive()
+        return got[0]
+
+
+def test_who_waits_for_a_move_hears_at_once_that_the_watch_has_tripped() -> None:
+    with Slow.arm() as served, served.open() as bus, bus.watch(LONG) as watch:
+        error = Slow.ended(bus, lambda _: watch._trip())
+        assert isinstance(error, Stopped)
+        assert watch.wait(PATIENCE)
+
+
+@pytest.mark.parametrize("end", ["stop", "torque_off"])
+def test_who_waits_for_a_move_hears_at_once_that_another_thread_ended_it(end: str) -> None:
+    with Slow.arm() as served, served.open() as bus:
+        error = Slow.ended(bus, lambda servo: getattr(servo, end)())
+        assert isinstance(error, Stopped)
+        # From the middle, 150°, at 1°/s.
+        assert re.fullmatch(r"RX-28 id 1 is at 1[4-9]\d\.\d° and goes to (249\.9|250\.\d)° no more: .*", str(error))
+
+
+def test_a_move_that_arrived_and_was_stopped_then_has_arrived(lx: Arm) -> None:
+    with lx.open() as bus:
+        servo = bus.attach(LX16A, 1)
+        servo.torque_on()
+        move = servo.move(servo.look().position + 5 * deg, time=0.1)
+        move.wait()
+        servo.stop()
+        move.wait()
+        servo.torque_off()
+        move.wait()
+
+
+def test_a_control_cycle_that_ends_has_its_servos_stopped(arm: tuple[str, Arm]) -> None:
+    """Nothing but the cycle's goals tells the bus that servo 1 moves: its torque was on before."""
+    key, served = arm
+    with served.open() as bus:
+        bus.attach(MODELS[key], 1).torque_on()
+    served.heard.clear()
+    with served.open() as bus:
+        servos = [bus.attach(MODELS[key], id) for id in (1, 2)]
+        cycle = bus.cycle(["present_position"], servos=[1, 2])
+        here = servos[0].look().position
+        watch = bus.watch(LONG)
+        assert not any(servo.notes.driven for servo in servos)
+        for step in range(1, 4):
+            fed = watch._fed
+            cycle.run({1: here + step * deg})
+            assert watch._fed > fed
+        assert [servo.notes.driven for servo in servos] == [True, False]
+        fed = watch._fed
+        cycle.run()  # who only reads may be stuck in what he computes
+        assert watch._fed == fed
+        served.heard.clear()
+        watch.timeout = SOON
+        with watch._changed:
+            watch._changed.notify()
+        assert watch.wait(PATIENCE)
+        bus.read_all("present_position")  # bytes keep their order: what was sent before has been heard
+        assert (stops(served.heard, key, 1), stops(served.heard, key, 2)) == (1, 0)
+        with pytest.raises(Stopped, match="was not fed"):
+            cycle.run({1: here})
+        cycle.run()
+        watch.timeout = LONG
+        watch.reset()
+        cycle.run({1: here})
+        assert servos[0].notes.driven
+
+
+def test_a_cycle_moves_no_servo_that_was_stopped_for_its_own_good(lx: Arm) -> None:
+    with lx.open() as bus:
+        servo = bus.attach(LX16A, 1)
+        servo.torque_on()
+        cycle = bus.cycle(["present_position"])
+        cycle.run({1: servo.look().position})
+        servo.stop()
+        cycle.run({1: servo.look().position})
+        assert not servo.notes.held  # so a trip of the watch stops it again
+        servo.notes.halted = "too hot"
+        with pytest.raises(Stopped, match="too hot"):
+            cycle.run({1: 1.0})
+
+
 def test_after_reset_it_guards_again(lx: Arm) -> None:
     with lx.open() as bus:
         servo = going(bus, "lx16a")
@@ -288,10 +434,25 @@ def test_what_cannot_be_watched_is_refused(lx: Arm) -> None:
             bus.watch(action="stop")  # type: ignore[arg-type]
         with pytest.raises(BadValue):
             bus.watch(0)
-        with bus.watch(LONG), pytest.raises(UsageError, match="has a watch already"):
+        bus.watch(LONG)
+        with pytest.raises(UsageError, match=r"has a watch already, <watch of 60 s: .*>; `watching\.stop\(\)`"):
             bus.watch()
     with lx.open() as bus, bus.watch(LONG, "brake"), pytest.raises(UsageError, match="cannot brake"):
         bus.attach(LX16A, 2).torque_on()
+
+
+def test_a_watch_that_was_thrown_away_is_found_again(lx: Arm) -> None:
+    with lx.open() as bus:
+
+        def watching() -> Watch | None:
+            return bus.watching
+
+        assert watching() is None
+        bus.watch(LONG)
+        watch = watching()
+        assert watch is not None
+        watch.stop()
+        assert watching() is None
 
 
 def test_on_a_virtual_clock_there_is_nothing_to_watch() -> None:
@@ -331,6 +492,23 @@ def test_a_loop_that_is_stuck_has_its_servos_stopped_once(arm: tuple[str, Arm]) 
     asyncio.run(main())
     heard = served.settled()
     assert (stops(heard, key, 1), stops(heard, key, 2)) == (1, 0)
+
+
+def test_a_task_that_waits_for_a_move_hears_at_once_that_the_watch_has_tripped() -> None:
+    async def main(name: str) -> None:
+        async with servobus.open_async(name, echo=False) as bus:
+            servo = bus.attach(RX28, 1)
+            await servo.torque_on()
+            with bus.watch(LONG) as watch:
+                move = await servo.move((await servo.look()).position + 100 * deg, speed=1 * deg)
+                waiter = asyncio.ensure_future(move.wait())
+                await asyncio.sleep(0)
+                watch._trip()
+                with pytest.raises(Stopped):
+                    await asyncio.wait_for(waiter, PATIENCE)
+
+    with Slow.arm() as served:
+        asyncio.run(main(served.name))
 
 
 def test_a_loop_that_only_reads_has_its_servos_stopped_too(arm: tuple[str, Arm]) -> None:

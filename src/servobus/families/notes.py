@@ -38,11 +38,12 @@ class Notes:
     halted          why it must not be moved now; "" if it may
     slow            share of the speed asked for with which it is moved
     gate            called before it is set in motion; what it raises forbids that
+    attend          called while somebody waits for it, or sends goals again and again; what it raises ends that
     """
 
     __slots__ = (
-        "_recent", "clock", "driven", "eeprom_writes", "gate", "halted", "held", "max_step", "most", "ram", "restarted",
-        "safe_action", "slow",
+        "_recent", "attend", "clock", "driven", "eeprom_writes", "gate", "halted", "held", "max_step", "most", "ram",
+        "restarted", "safe_action", "slow",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -57,6 +58,7 @@ class Notes:
         self.halted = ""
         self.slow = 1.0
         self.gate: Callable[[], None] | None = None
+        self.attend: Callable[[], None] | None = None
         self._recent: dict[str, list[float]] = {}
         """Register -> times of its last writes."""
 

@@ -5,7 +5,7 @@ import pytest
 
 import servobus
 from servobus.errors import BadValue, PortError, UnknownName, UsageError
-from servobus.virtual.inprocess import connect
+from servobus.virtual.inprocess import VirtualPort, connect
 from servobus.virtual.motor import Load
 from servobus.virtual.motors import RX28_MEASURED
 
@@ -159,3 +159,20 @@ def test_tasks_are_done_one_at_a_time_between_two_events() -> None:
     assert done == [(0, 0.0)]
     assert port.read(1.0) == b""
     assert done == [(0, 0.0), (1, 0.0), (2, 0.0)]
+
+
+@pytest.mark.parametrize("look", [False, True])
+def test_what_is_changed_after_a_sleep_does_not_act_on_the_time_before(look: bool) -> None:
+    """At 90 °C an RX-28 shuts down (its limit is 80 °C), whether somebody looks at it before it cools or not."""
+    bus = servobus.open("virtual:rx28@1?clock=virtual")
+    port: VirtualPort = bus.transport  # type: ignore[assignment] # a virtual: port is one
+    servo = bus.attach(servobus.RX28, 1)
+    (real,) = port.servos
+    servo.torque_on()
+    servo.ping()
+    real.temperature = 90.0
+    port.sleep(1.0)
+    if look:
+        servo.ping()
+    real.temperature = 30.0
+    assert servo.read(servobus.RX28.torque_limit) == 0.0
