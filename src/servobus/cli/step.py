@@ -78,8 +78,8 @@ def step(
     if picture is not None:
         plot.check(picture)
     if id is None:
-        if what.replace("-", "").lower() not in MODELS and ("/" in what or ":" in what or what.startswith("COM")):
-            raise click.UsageError(f"{what} looks like a port: name the id of a servo too")
+        if what.replace("-", "").lower() not in MODELS and _is_port(what):
+            raise click.UsageError(f"{what} is a port: name the ID of a servo on it too, as in {what} 1")
         if limits is not None:
             raise click.UsageError("--limits are for real servos; a virtual one breaks nothing")
         response, title = _virtual(what, to, start, time_, seconds, settings, load, voltage, motor)
@@ -92,6 +92,10 @@ def step(
     if picture is not None:
         plot.draw(response, title, picture)
         note(f"drawn: {picture}")
+
+
+def _is_port(what: str) -> bool:
+    return "/" in what or ":" in what or what.startswith("COM") or Path(what).exists()
 
 
 # A virtual servo

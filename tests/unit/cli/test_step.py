@@ -95,6 +95,9 @@ def test_what_cannot_be_is_refused(refused: Refused, args: tuple[str, ...], why:
     assert why in refused("step", *args)
 
 
-def test_a_port_needs_an_id(run: Run) -> None:
-    result = run("step", "/dev/ttyUSB0", code=2)
-    assert "name the id of a servo too" in result.stderr
+def test_a_port_needs_an_id(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("arm").touch()  # as the link of `servobus virtual --pty arm`
+    for port in ("/dev/ttyUSB0", "COM4", "arm"):
+        assert f"{port} is a port: name the ID of a servo on it too" in run("step", port, code=2).stderr
+    assert "no model 'leg'" in run("step", "leg", code=1).stderr
