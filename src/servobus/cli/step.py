@@ -222,7 +222,7 @@ def _report(response: Response, title: str, *, json: bool) -> None:
         ("peak_current", figures.peak_current, "A", "of the motor"),
     )
     if json:
-        data: dict[str, Any] = {"servo": title}
+        data: dict[str, Any] = {"servo": title, "arrived": figures.arrived}
         for name, angle in (("start", response.start), ("goal", response.goal)):
             data[name] = {"value": shown(angle, "rad")[0], "unit": "°"}
         for name, value, unit, _ in rows:
@@ -234,3 +234,5 @@ def _report(response: Response, title: str, *, json: bool) -> None:
     for name, value, unit, meaning in rows:
         text = "-" if math.isnan(value) else show(round(value, 4) if unit in ("A", "s") else value, unit)
         click.echo(f"  {name.replace('_', ' '):<14} {text:>10}   {meaning}")
+    if not figures.arrived:
+        click.echo(f"  it did not arrive: it ends up at {show(response.goal + figures.steady_error, 'rad')}")

@@ -40,6 +40,15 @@ def test_a_register_makes_a_difference(load: Callable[..., Any]) -> None:
     assert soft["rise_time"]["value"] > 2 * stiff["rise_time"]["value"]
 
 
+def test_one_that_does_not_arrive(run: Run, load: Callable[..., Any]) -> None:
+    lines = run("step", "rx28", "--to", "90", "--load", "blocked").stdout.splitlines()
+    assert lines[3].split()[:3] == ["settling", "time", "-"]
+    assert lines[-1] == "  it did not arrive: it ends up at 150.0°"
+    said = load("step", "rx28", "--to", "90", "--load", "blocked")
+    assert (said["arrived"], said["settling_time"]["value"]) == (False, None)
+    assert load("step", "rx28", "--to", "90")["arrived"]
+
+
 def test_voltage_and_load_make_a_difference(load: Callable[..., Any]) -> None:
     strong, weak = load("step", "lx16a", "--voltage", "8.4"), load("step", "lx16a", "--voltage", "6.6")
     assert weak["rise_time"]["value"] > 1.1 * strong["rise_time"]["value"]
