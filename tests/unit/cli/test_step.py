@@ -1,16 +1,23 @@
 """`step`: figures and a picture, virtual and on a port."""
 
 import importlib.util
+import os
+import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from servobus import RX28
 from unit.cli.conftest import Run
+from unit.served import PATIENCE, Arm, stops, wait_for
 
 Refused = Callable[..., str]
 has_matplotlib = pytest.mark.skipif(importlib.util.find_spec("matplotlib") is None, reason="matplotlib is an extra")
+posix = pytest.mark.skipif(os.name != "posix", reason="signals as on POSIX")
 
 
 @pytest.mark.parametrize(("model", "start"), [("rx28", 149.9), ("drs0602", 0.0), ("lx16a", 120.0)])
@@ -76,6 +83,31 @@ def test_on_a_port_within_limits(load: Callable[..., Any]) -> None:
     assert said["goal"]["value"] == pytest.approx(170, abs=0.1)
     assert abs(said["steady_error"]["value"]) < 1
     assert said["peak_current"]["value"] is None
+
+
+@posix
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("torque", [0, 1])
+def test_ctrl_c_stops_it_and_leaves_it_as_it_was(end: signal.Signals, torque: int) -> None:
+    with Arm("rx28@1") as arm:
+        with arm.open() as bus:
+            servo = bus.find(1)
+            servo.write_raw({RX28.moving_speed: 100, RX28.torque_enable: torque})
+        command = [sys.executable, "-m", "servobus", "step", arm.name, "1", "--to", "290", "--time", "10"]
+        with subprocess.Popen(
+            [*command, "--limits", "0", "300", "--seconds", "60"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as process:
+            # WRITE_DATA to Goal Position and Moving Speed: address 30, four bytes (3-4)
+            wait_for(lambda: any(one.code == 3 and one.data[0] == 30 and len(one.data) == 5 for one in arm.heard))
+            process.send_signal(end)
+            stdout, stderr = process.communicate(timeout=PATIENCE)
+        assert (process.returncode, stdout, stderr) == (130, "", "\nRX-28 id 1 stopped\n")
+        assert stops(arm.settled(), "rx28", 1) >= 1
+        (real,) = arm.servos
+        assert (real.get("moving_speed"), real.get("torque_enable")) == (100, torque)
 
 
 def test_limits_are_asked_for(run: Run) -> None:
