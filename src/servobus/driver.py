@@ -18,6 +18,7 @@ from servobus.link import Link
 from servobus.operation import Operation
 from servobus.procedures import Course, Found, Survey, Watcher
 from servobus.protocols.ids import LAST_ID, check_id
+from servobus.registers import Register
 from servobus.safety import Safeguard
 from servobus.servo import Servo
 from servobus.stats import Stats
@@ -177,9 +178,13 @@ class Driver(Safeguard, Generic[S]):
     # Several at once
 
     @Operation
-    def read_all(self, name: str) -> Procedure[dict[int, Any]]:
-        """Read one register of every known servo, by the name or alias that their models share; id -> value."""
+    def read_all(self, name: str | Register[Any]) -> Procedure[dict[int, Any]]:
+        """Read one register of every known servo, by the name or alias that their models share; id -> value.
+
+        A register of one of the models stands for its name. Raises UnknownName for a model that has none of it.
+        """
         values = {}
+        name = name.name if isinstance(name, Register) else name
         for servo in self:
             register = servo.model.register(name)
             yield SetBaud(servo.baud)

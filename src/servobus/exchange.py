@@ -255,9 +255,9 @@ class Collector(Generic[T]):
     def duplicate(self) -> DuplicateId:
         """Make the error for a question that was answered twice."""
         id = self.packet.id if self.packet is not None else self.exchange.reply and self.exchange.reply.id
-        said = f"{self.exchange.what}: two answers came: two servos with id {id}?"
-        hint = "connect one of them alone and give it another id"
-        return DuplicateId(f"{said} If so, {hint}", bytes(self.heard))
+        said = f"two answers came: two servos with id {id}, or one that came twice or late, or an echo"
+        hint = "if there are two, connect one of them alone and give it another id"
+        return DuplicateId(f"{self.exchange.what}: {said}; {hint}", bytes(self.heard))
 
     def failure(self) -> BusError:
         """Say what was heard instead of the reply."""

@@ -124,6 +124,11 @@ class Decoder:
         return len(self._buffer)
 
     @property
+    def begun(self) -> bytes:
+        """What is kept because it may still become a packet."""
+        return bytes(self._buffer)
+
+    @property
     def missing(self) -> int:
         """Bytes that must come at least before anything more can be complete."""
         size = self._framing.size(self._buffer, 0) if self._buffer else INCOMPLETE

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Real
 from typing import Any
 
 from servobus import models
@@ -87,8 +88,8 @@ def plan(goals: Mapping[Target, float], *, time: float | None = None, speed: flo
     if time is not None and speed is not None:
         raise BadValue("a move takes either a time or a speed, not both")
     for name, value in (("time", time), ("speed", speed)):
-        if value is not None and not 0 < value < math.inf:
-            raise BadValue(f"{name} {value} is not a number above 0")
+        if value is not None and not (_is_number(value) and 0 < value < math.inf):
+            raise BadValue(f"{name} {value!r} is not a number above 0")
     families = {target.model.family.name for target in goals}
     if len(families) != 1:
         raise UsageError(f"one move drives servos of one family, not {' and '.join(sorted(families)) or 'none'}")
@@ -196,16 +197,27 @@ def require_torque(courses: Sequence[Course]) -> None:
 
 def raw_goal(target: Target, angle: float) -> int:
     """Turn an angle into a raw goal the model can take. Raises BadValue."""
+    if not _is_number(angle):
+        raise BadValue(f"{target}: {angle!r} is not a number; an angle is in radians, such as 90 * deg")
     row = target.model.register("goal_position")
     try:
         raw = row.scale.encode(angle)
     except ValueError as error:
         raise BadValue(f"{target}: {error}") from None
     if not row.accepts(raw):
-        hint = f" (angles are in radians: did you mean {angle:g} * deg?)" if abs(angle) > 2 * math.pi else ""
+        # People give degrees as whole numbers. What was degrees once, as on the command line, is none in radians.
+        forgotten = (
+            abs(angle) > 2 * math.pi and float(angle).is_integer() and row.accepts(row.scale.encode(angle * deg))
+        )
+        hint = f" (angles are in radians: did you mean {angle:g} * deg?)" if forgotten else ""
         low, high = (row.show(row.decode(limit)) for limit in row.limits)
         raise BadValue(f"{target}: {row.show(angle)} is outside {low} .. {high}{hint}")
     return raw
+
+
+def _is_number(value: object) -> bool:
+    """Tell whether a value, of a caller without type checks, can be reckoned with."""
+    return isinstance(value, Real)
 
 
 def arrive(course: Course, *, timeout: float | None = None, tolerance: float = 3 * deg) -> Procedure[None]:

@@ -31,13 +31,15 @@ class Sample:
 class Figures:
     """What one says of a step response. nan where it did not get that far, or cannot be known.
 
+    arrived       whether it ends up within a tenth of the way of its goal
     rise_time     s from 10 % to 90 % of the way
     overshoot     share of the way that it went too far
-    settling_time s until it stays within the band around where it ends up
-    steady_error  rad between the goal and where it ends up
+    settling_time s until it stays within the band around where it ends up; nan if it never left its start
+    steady_error  rad: where it ends up, less the goal
     peak_current  A
     """
 
+    arrived: bool
     rise_time: float
     overshoot: float
     settling_time: float
@@ -47,6 +49,8 @@ class Figures:
 
 BAND = 0.02
 """Share of the way that counts as settled: the usual 2 %."""
+NEAR = 0.1
+"""Share of the way that may be left for it to have arrived: rise times end there too."""
 
 
 @frozen
@@ -66,12 +70,15 @@ class Response:
         way = self.goal - self.start
         end = self._end()
         ten, ninety = self._reached(0.1 * way), self._reached(0.9 * way)
+        band = max(BAND * abs(way), 1.5 * self.resolution)
+        moved = abs(way) <= band or any(abs(sample.position - self.start) > band for sample in self.samples)
         farthest = max((sample.position - self.goal) * math.copysign(1, way) for sample in self.samples)
         currents = [abs(sample.current) for sample in self.samples if not math.isnan(sample.current)]
         return Figures(
+            arrived=abs(end - self.goal) <= max(NEAR * abs(way), 1.5 * self.resolution),
             rise_time=ninety - ten,
             overshoot=max(0.0, farthest - self.resolution / 2) / abs(way) if way else 0.0,
-            settling_time=self._settled(end, max(BAND * abs(way), 1.5 * self.resolution)),
+            settling_time=self._settled(end, band) if moved else math.nan,
             steady_error=end - self.goal,
             peak_current=max(currents, default=math.nan),
         )

@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+import servobus
 from servobus import (
     LX16A,
     RX28,
@@ -142,6 +143,33 @@ def test_a_time_or_speed_that_cannot_be_sends_nothing(time: float | None, speed:
     assert port.requests == []
 
 
+@pytest.mark.parametrize(
+    ("angle", "hint"),
+    [
+        (90, "did you mean 90 * deg?"),
+        (500, ""),  # nor could it go to 500°
+        (6.5, ""),
+        (400 * deg, ""),  # degrees they are
+    ],
+)
+def test_forgotten_degrees_are_told_where_they_would_do(angle: float, hint: str) -> None:
+    bus, _ = bus_with()
+    with pytest.raises(BadValue, match=r"is outside 0.0° .. 300.0°") as caught:
+        bus.attach(RX28, 1).move(angle)
+    assert hint in str(caught.value)
+    assert ("did you mean" in str(caught.value)) is bool(hint)
+
+
+def test_what_is_no_number_sends_nothing() -> None:
+    bus, port = bus_with()
+    servo = bus.attach(RX28, 1)
+    with pytest.raises(BadValue, match="'90' is not a number; an angle is in radians, such as 90 \\* deg"):
+        servo.move("90")  # type: ignore[arg-type] # that is the point
+    with pytest.raises(BadValue, match="speed '60' is not a number above 0"):
+        servo.move(1.0, speed="60")  # type: ignore[arg-type] # here too
+    assert port.requests == []
+
+
 def test_read_only_and_foreign_registers_send_nothing() -> None:
     bus, port = bus_with()
     servo = bus.attach(RX28, 1)
@@ -272,6 +300,14 @@ def test_each_servo_is_spoken_to_at_its_own_speed() -> None:
     bus.attach(LX16A, 2)
     assert bus.read_all("present_temperature") == {1: 32.0, 2: 36.0}
     assert port.bauds == [1_000_000, 115_200]
+
+
+def test_a_register_stands_for_its_name_on_all_models() -> None:
+    with servobus.open("virtual:rx28@1,lx16a@2?clock=virtual") as bus:
+        bus.scan(ids=[1, 2])
+        assert bus.read_all(RX28.present_position) == bus.read_all("present_position")
+        with pytest.raises(UnknownName, match="LX-16A has no register 'punch'"):
+            bus.read_all(RX28.punch)
 
 
 class TestSecondTry:

@@ -250,7 +250,7 @@ class TestEcho:
 class TestTwoServos:
     def test_two_answers_at_once(self) -> None:
         bus, _ = linked(ANSWER + COLD)
-        with pytest.raises(DuplicateId, match="two servos with id 1"):
+        with pytest.raises(DuplicateId, match="two servos with id 1, or one that came twice or late, or an echo; if"):
             temperature(bus)
 
     def test_a_second_answer_that_is_found_later(self) -> None:

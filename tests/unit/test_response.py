@@ -47,7 +47,26 @@ def test_one_that_never_arrives() -> None:
     figures = response([(0, 0.0), (1, 0.5), (2, 0.5)]).figures()
     assert math.isnan(figures.rise_time)
     assert figures.steady_error == pytest.approx(-0.5)
-    assert figures.settling_time == 1
+    assert figures.settling_time == 1  # where it is
+    assert not figures.arrived
+
+
+def test_one_that_never_leaves() -> None:
+    figures = response([(0, 0.0), (1, 0.01), (2, 0.0)], resolution=0.005).figures()
+    assert not figures.arrived
+    assert math.isnan(figures.settling_time)
+    assert figures.steady_error == pytest.approx(-1)
+
+
+def test_one_with_no_way_to_go_is_there() -> None:
+    figures = response([(0, 1.0), (1, 1.0)], start=1.0).figures()
+    assert figures.arrived
+    assert figures.settling_time == 0
+
+
+@pytest.mark.parametrize(("end", "arrived"), [(0.89, False), (0.91, True), (1.09, True), (1.11, False)])
+def test_a_tenth_of_the_way_may_be_left(end: float, arrived: bool) -> None:
+    assert response([(0, 0.0), (1, end), (2, end)]).figures().arrived is arrived
 
 
 def test_nothing_finer_than_the_sensor_counts() -> None:

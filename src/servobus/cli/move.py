@@ -81,7 +81,7 @@ def move(
             else:
                 under_way.wait()
         except KeyboardInterrupt:
-            _halt(servos)
+            halt(servos)
             raise click.exceptions.Exit(130) from None
         except MoveTimeout:
             _report(bus, servos, angles, json=json)
@@ -121,7 +121,7 @@ def _start(bus: Bus, angles: Mapping[int, float], time: float | None, speed: flo
     return Move(bus, courses)
 
 
-def _halt(servos: Sequence[BusServo]) -> None:
+def halt(servos: Sequence[BusServo]) -> None:
     """Stop all of them, whatever else goes wrong."""
     note("")  # the terminal shows ^C: what comes next starts on a line of its own
     for servo in servos:

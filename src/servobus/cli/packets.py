@@ -60,7 +60,13 @@ def conclude(tracker: Tracker, *, json: bool) -> None:
     """Print what it comes to, servo by servo."""
     if json:
         servos = [_servo(tally) for tally in tracker.tallies]
-        totals = {"kind": "summary", "time": round(tracker.time, 6), "junk": tracker.junk, "corrupt": tracker.corrupt}
+        totals = {
+            "kind": "summary",
+            "time": round(tracker.time, 6),
+            "junk": tracker.junk,
+            "corrupt": tracker.corrupt,
+            "cut_short": tracker.cut_short,
+        }
         click.echo(compact({**totals, "servos": servos}))
         return
     rows = [HEADS, *(_row(tally) for tally in tracker.tallies)]
@@ -72,6 +78,7 @@ def conclude(tracker: Tracker, *, json: bool) -> None:
     click.echo(
         f"{tracker.time:.1f} s; {_count(tracker.junk, 'byte')} of junk, "
         f"{_count(tracker.corrupt, 'packet')} with a wrong checksum"
+        + (f", {tracker.cut_short} cut short" if tracker.cut_short else "")
     )
 
 

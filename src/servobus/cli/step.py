@@ -12,7 +12,19 @@ import click
 import servobus
 from servobus import MODELS, BusServo, UsageError, deg, models
 from servobus.cli import plot
-from servobus.cli.options import ANGLE, SECONDS, Where, as_json, assignment, find, opened, verb, where_options
+from servobus.cli.move import halt
+from servobus.cli.options import (
+    ANGLE,
+    SECONDS,
+    Where,
+    as_json,
+    assignment,
+    find,
+    opened,
+    terminated_like_interrupted,
+    verb,
+    where_options,
+)
 from servobus.cli.output import note, print_json
 from servobus.errors import BadValue, ServobusError
 from servobus.procedures import SHORTEST
@@ -72,14 +84,15 @@ def step(
 
     With the name of a MODEL a virtual servo takes the step, faster than real time. With a PORT and an ID a real
     one does, within limits that are asked for first; it then goes back slowly, and registers set by --set stay.
+    Ctrl-C stops it where it is; its torque is then as it was before.
     """
     if not 0 < seconds <= 60:
         raise BadValue(f"--seconds {seconds:g} is not above 0 and up to 60")
     if picture is not None:
         plot.check(picture)
     if id is None:
-        if what.replace("-", "").lower() not in MODELS and ("/" in what or ":" in what or what.startswith("COM")):
-            raise click.UsageError(f"{what} looks like a port: name the id of a servo too")
+        if what.replace("-", "").lower() not in MODELS and _is_port(what):
+            raise click.UsageError(f"{what} is a port: name the ID of a servo on it too, as in {what} 1")
         if limits is not None:
             raise click.UsageError("--limits are for real servos; a virtual one breaks nothing")
         response, title = _virtual(what, to, start, time_, seconds, settings, load, voltage, motor)
@@ -92,6 +105,10 @@ def step(
     if picture is not None:
         plot.draw(response, title, picture)
         note(f"drawn: {picture}")
+
+
+def _is_port(what: str) -> bool:
+    return "/" in what or ":" in what or what.startswith("COM") or Path(what).exists()
 
 
 # A virtual servo
@@ -151,7 +168,7 @@ def _real(
     settings: tuple[str, ...],
     limits: tuple[float, float] | None,
 ) -> tuple[Response, str]:
-    with opened(port) as bus:
+    with opened(port) as bus, terminated_like_interrupted():
         servo = find(bus, where, id)
         state = servo.look()
         here = state.position
@@ -162,7 +179,7 @@ def _real(
             raise BadValue(f"{servo.target}: the way from {way} leaves {show(low, 'rad')} .. {show(high, 'rad')}")
         _set(servo, settings)
         samples: list[Sample] = []
-        with _torque(servo, was_on=state.torque):
+        with _as_it_was(servo, torque=state.torque):
             begin = time.monotonic()
             servo.start_move(goal, time=duration or SHORTEST)
             row = servo.model.register("present_position")
@@ -181,17 +198,25 @@ def _ask_limits(servo: BusServo, here: float) -> tuple[float, float]:
 
 
 @contextlib.contextmanager
-def _torque(servo: BusServo, *, was_on: bool) -> Iterator[None]:
-    """Torque on inside; afterwards as it was. On the way out of an interrupt the servo is stopped first."""
-    if was_on:
-        try:
-            yield
-        except (KeyboardInterrupt, ServobusError):
-            servo.stop()
-            raise
-        return
-    with servo.torque():
+def _as_it_was(servo: BusServo, *, torque: bool) -> Iterator[None]:
+    """Torque on inside; afterwards as it was, and so is the speed that moves set in some. What fails stops it first."""
+    speed = servo.model.registers.get("moving_speed")
+    pace = None if speed is None else servo.read(speed)
+    try:
+        if not torque:
+            servo.torque_on()
         yield
+    except KeyboardInterrupt:
+        halt([servo])
+        raise click.exceptions.Exit(130) from None
+    except ServobusError:
+        servo.stop()
+        raise
+    finally:
+        if not torque:
+            servo.torque_off()
+        if speed is not None:
+            servo.write(speed, pace)
 
 
 def _set(servo: BusServo, settings: tuple[str, ...]) -> None:
@@ -218,7 +243,7 @@ def _report(response: Response, title: str, *, json: bool) -> None:
         ("peak_current", figures.peak_current, "A", "of the motor"),
     )
     if json:
-        data: dict[str, Any] = {"servo": title}
+        data: dict[str, Any] = {"servo": title, "arrived": figures.arrived}
         for name, angle in (("start", response.start), ("goal", response.goal)):
             data[name] = {"value": shown(angle, "rad")[0], "unit": "°"}
         for name, value, unit, _ in rows:
@@ -230,3 +255,5 @@ def _report(response: Response, title: str, *, json: bool) -> None:
     for name, value, unit, meaning in rows:
         text = "-" if math.isnan(value) else show(round(value, 4) if unit in ("A", "s") else value, unit)
         click.echo(f"  {name.replace('_', ' '):<14} {text:>10}   {meaning}")
+    if not figures.arrived:
+        click.echo(f"  it did not arrive: it ends up at {show(response.goal + figures.steady_error, 'rad')}")

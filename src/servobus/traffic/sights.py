@@ -2,8 +2,9 @@
 
 request     a packet to servos
 answer      a packet of a servo, with the question that it answers where there is one
+probe       a byte that servos skip, sent to find out whether the adapter echoes
 echo        what was sent, given back by the adapter
-corrupt     bytes of the right shape whose checksum is wrong
+corrupt     bytes of the right shape whose checksum is wrong, or an answer that ends too soon
 noise       bytes that are no packet
 silence     the end of the wait for an answer
 speed       the line's speed changed
@@ -24,6 +25,7 @@ GRAIN = 1e-5
 class Kind(StrEnum):
     REQUEST = "request"
     ANSWER = "answer"
+    PROBE = "probe"
     ECHO = "echo"
     CORRUPT = "corrupt"
     NOISE = "noise"
@@ -33,6 +35,7 @@ class Kind(StrEnum):
 
 class Trouble(StrEnum):
     CHECKSUM = "bad checksum"
+    CUT = "cut short"
     JUNK = "junk"
     SILENT = "no answer"
     LATE = "late answer"

@@ -34,6 +34,10 @@ REPEATED = 1024
 """Packets whose words are kept: programs ask the same again and again."""
 ECHOES = 16
 """Requests whose echo may still come."""
+PROBE = b"\x00"
+"""What a driver sends right before its first request to learn whether the line echoes: servos skip it."""
+HEAD = 4
+"""Bytes of a packet that tell whose it is and how long, in all families."""
 
 
 @dataclass(slots=True, eq=False)
@@ -55,6 +59,14 @@ class _Open:
 
     def fits(self, family: Family, packet: Packet) -> bool:
         return family is self.family and self.question.reply is not None and self.question.reply.fits(packet)
+
+    def begins(self, raw: bytes) -> bool:
+        """Tell whether these bytes are the beginning of the answer, and not all of it."""
+        reply, framing = self.question.reply, self.family.framing
+        if reply is None or reply.id is None or len(raw) < HEAD - 1:
+            return False
+        whole = [framing.frame(Packet(reply.id, reply.code or 0, bytes(size))) for size in reply.sizes]
+        return any(len(raw) < len(one) and one[:HEAD].startswith(raw[:HEAD]) for one in whole)
 
 
 class Tracker:
@@ -79,6 +91,8 @@ class Tracker:
         self._overdue: deque[_Open] = deque(maxlen=ECHOES)
         self._sent: deque[tuple[Packet, float]] = deque(maxlen=ECHOES)
         """Requests that may be echoed, and until when."""
+        self._probed = 0.0
+        """s: until then a probe may come back."""
         self._echo: bool | None = None
         self._doubt: _Open | None = None
         """A question whose answer was the same as itself, and may have been its echo."""
@@ -89,6 +103,8 @@ class Tracker:
         """Bytes that were no packet."""
         self.corrupt = 0
         """Packets whose checksum was wrong."""
+        self.cut_short = 0
+        """Answers that began and did not end."""
         self.time = 0.0
         """s: up to when the line was watched."""
 
@@ -156,7 +172,8 @@ class Tracker:
             return self._decide(family) if family is not None else []
         if not good(self._family, chunk.data):
             # Only what is wholly made of another family's packets is its: a false packet may hide in anything.
-            others = (one for one in FAMILIES.values() if good(one, chunk.data) == len(chunk.data))
+            size = len(chunk.data.removeprefix(PROBE))
+            others = (one for one in FAMILIES.values() if size and good(one, chunk.data) == size)
             if (other := next(others, None)) is not None:
                 seen = [one for stream in self._streams.values() for one in self._sort(stream, stream.flush())]
                 self._family = other
@@ -204,9 +221,13 @@ class Tracker:
     # What they say
 
     def _sort(self, stream: Stream, placed: Sequence[tuple[int, bytes, Event]]) -> Iterator[Sight]:
-        for start, raw, event in placed:
+        for n, (start, raw, event) in enumerate(placed):
             first, last = stream.at(start), stream.at(start + len(raw) - 1)
             match event:
+                case Noise() if (probe := self._probe(stream, raw, first, placed[n + 1 :])) is not None:
+                    yield probe
+                case Noise() if (asked := self._begun(stream, raw)) is not None:
+                    yield self._cut(asked, stream, raw, first)
                 case Noise():
                     self.junk += len(raw)
                     yield _junk(first.time, stream.direction, raw, stream.family)
@@ -219,6 +240,38 @@ class Tracker:
                     yield from self._request(stream, event, raw, first, last, end)
                 case Packet():
                     yield self._answer(stream, event, raw, first)
+
+    def _probe(
+        self, stream: Stream, raw: bytes, first: Mark, behind: Sequence[tuple[int, bytes, Event]]
+    ) -> Sight | None:
+        """See the byte that a driver sends before a request to find out about an echo, or that byte's echo."""
+        if raw != PROBE:
+            return None
+        family, direction, time = stream.family, stream.direction, first.time
+        if direction is Direction.IN and time < self._probed:
+            self._probed = 0.0
+            return Sight(time, direction, Kind.ECHO, "echo of the probe", family, None, raw)
+        if direction is not Direction.IN and behind:
+            request = behind[0][2]
+            if isinstance(request, Packet) and self._is_request(stream, request):
+                self._probed = time + PATIENCE
+                text = "probe: servos skip this byte, an echo brings it back"
+                return Sight(time, direction, Kind.PROBE, text, family, None, raw)
+        return None
+
+    def _begun(self, stream: Stream, raw: bytes) -> _Open | None:
+        """Find the question whose answer these bytes are the beginning of."""
+        if stream.direction is Direction.OUT:
+            return None
+        return next((one for one in self._open if one.family is stream.family and one.begins(raw)), None)
+
+    def _cut(self, asked: _Open, stream: Stream, raw: bytes, first: Mark) -> Sight:
+        asked.spoiled = True
+        id = asked.packet.id
+        self._tally(stream.family, id).corrupt += 1
+        self.cut_short += 1
+        text = f"CUT SHORT: the answer of {servo(id)} begins so, and a byte or more of it is lost"
+        return Sight(first.time, stream.direction, Kind.CORRUPT, text, stream.family, id, raw, None, Trouble.CUT)
 
     def _is_request(self, stream: Stream, packet: Packet) -> bool:
         """Tell a request from an answer; where nobody says who sent it, by what was asked before."""
@@ -239,6 +292,9 @@ class Tracker:
         for one in list(self._open):
             # Nobody asks on while he still waits, unless the line has two lanes and it is somebody else's turn.
             if not (family is one.family and family.full_duplex and one.packet.id != packet.id):
+                answers = self._streams.get((one.family.name, Direction.IN))
+                if answers is not None and one.begins(answers.decoder.begun):
+                    yield from self._sort(answers, answers.flush())  # the rest of it will not come any more
                 yield from self._give_up(one, first.time)
         question = family.question(packet)
         if question is None:

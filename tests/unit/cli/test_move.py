@@ -61,6 +61,11 @@ def test_what_cannot_be_is_refused_before_any_torque(
     assert why in refused("move", RX, *args)
 
 
+@pytest.mark.parametrize("goal", ["500", "400deg", "6.5rad"])
+def test_degrees_are_not_asked_for_where_they_were_given(refused: Callable[..., str], goal: str) -> None:
+    assert refused("move", RX, f"1={goal}").endswith("is outside 0.0° .. 300.0°\n")
+
+
 def test_a_move_that_takes_too_long_leaves_the_torque_off(refused: Callable[..., str]) -> None:
     assert "go in steps, or faster" in refused("move", DRS, "219=10", "--time", "60")
 

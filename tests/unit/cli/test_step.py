@@ -1,16 +1,23 @@
 """`step`: figures and a picture, virtual and on a port."""
 
 import importlib.util
+import os
+import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from servobus import RX28
 from unit.cli.conftest import Run
+from unit.served import PATIENCE, Arm, stops, wait_for
 
 Refused = Callable[..., str]
 has_matplotlib = pytest.mark.skipif(importlib.util.find_spec("matplotlib") is None, reason="matplotlib is an extra")
+posix = pytest.mark.skipif(os.name != "posix", reason="signals as on POSIX")
 
 
 @pytest.mark.parametrize(("model", "start"), [("rx28", 149.9), ("drs0602", 0.0), ("lx16a", 120.0)])
@@ -38,6 +45,15 @@ def test_a_register_makes_a_difference(load: Callable[..., Any]) -> None:
     # A quarter of the torque limit: a quarter of the torque and, for a motor, of the speed.
     stiff, soft = load("step", "rx28"), load("step", "rx28", "--set", "torque_limit=25")
     assert soft["rise_time"]["value"] > 2 * stiff["rise_time"]["value"]
+
+
+def test_one_that_does_not_arrive(run: Run, load: Callable[..., Any]) -> None:
+    lines = run("step", "rx28", "--to", "90", "--load", "blocked").stdout.splitlines()
+    assert lines[3].split()[:3] == ["settling", "time", "-"]
+    assert lines[-1] == "  it did not arrive: it ends up at 150.0°"
+    said = load("step", "rx28", "--to", "90", "--load", "blocked")
+    assert (said["arrived"], said["settling_time"]["value"]) == (False, None)
+    assert load("step", "rx28", "--to", "90")["arrived"]
 
 
 def test_voltage_and_load_make_a_difference(load: Callable[..., Any]) -> None:
@@ -69,6 +85,31 @@ def test_on_a_port_within_limits(load: Callable[..., Any]) -> None:
     assert said["peak_current"]["value"] is None
 
 
+@posix
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("torque", [0, 1])
+def test_ctrl_c_stops_it_and_leaves_it_as_it_was(end: signal.Signals, torque: int) -> None:
+    with Arm("rx28@1") as arm:
+        with arm.open() as bus:
+            servo = bus.find(1)
+            servo.write_raw({RX28.moving_speed: 100, RX28.torque_enable: torque})
+        command = [sys.executable, "-m", "servobus", "step", arm.name, "1", "--to", "290", "--time", "10"]
+        with subprocess.Popen(
+            [*command, "--limits", "0", "300", "--seconds", "60"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as process:
+            # WRITE_DATA to Goal Position and Moving Speed: address 30, four bytes (3-4)
+            wait_for(lambda: any(one.code == 3 and one.data[0] == 30 and len(one.data) == 5 for one in arm.heard))
+            process.send_signal(end)
+            stdout, stderr = process.communicate(timeout=PATIENCE)
+        assert (process.returncode, stdout, stderr) == (130, "", "\nRX-28 id 1 stopped\n")
+        assert stops(arm.settled(), "rx28", 1) >= 1
+        (real,) = arm.servos
+        assert (real.get("moving_speed"), real.get("torque_enable")) == (100, torque)
+
+
 def test_limits_are_asked_for(run: Run) -> None:
     port = "virtual:rx28@1?clock=real"
     result = run("step", port, "1", "--to", "170", code=1, input="100\n160\n")
@@ -95,6 +136,9 @@ def test_what_cannot_be_is_refused(refused: Refused, args: tuple[str, ...], why:
     assert why in refused("step", *args)
 
 
-def test_a_port_needs_an_id(run: Run) -> None:
-    result = run("step", "/dev/ttyUSB0", code=2)
-    assert "name the id of a servo too" in result.stderr
+def test_a_port_needs_an_id(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("arm").touch()  # as the link of `servobus virtual --pty arm`
+    for port in ("/dev/ttyUSB0", "COM4", "arm"):
+        assert f"{port} is a port: name the ID of a servo on it too" in run("step", port, code=2).stderr
+    assert "no model 'leg'" in run("step", "leg", code=1).stderr

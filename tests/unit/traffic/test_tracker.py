@@ -277,6 +277,57 @@ def test_a_wrong_id_in_a_corrupt_packet_makes_no_servo() -> None:
     assert (tracker.tallies, tracker.corrupt) == ([], 1)
 
 
+@pytest.mark.parametrize("marks", ["><", "--"], ids=["between", "listening"])
+def test_a_probe_for_an_echo_is_no_junk(marks: str) -> None:
+    tracker = Tracker()
+    sights = watch([(0.0, marks[0], b"\x00" + PING), (0.01, marks[1], PONG)], tracker)
+    assert kinds(sights) == ["probe", "request", "answer"]
+    assert (tracker.junk, troubles(sights)) == (0, [])
+
+
+def test_a_probe_in_front_of_another_family() -> None:
+    sights = watch([(0.0, ">", POS_READ), (0.01, "<", POS), (0.2, ">", b"\x00" + PING), (0.21, "<", PONG)])
+    assert kinds(sights) == ["request", "answer", "probe", "request", "answer"]
+
+
+def test_a_probe_that_comes_back() -> None:
+    tracker = Tracker(baud=57_600)
+    script = [(0.0, ">", b"\x00" + PING), (0.002, "<", b"\x00"), (0.003, "<", PING), (0.005, "<", PONG)]
+    sights = watch(script, tracker)
+    assert sights[2].text == "echo of the probe"
+    assert (kinds(sights)[:3], tracker.junk) == (["probe", "request", "echo"], 0)
+
+
+@pytest.mark.parametrize("junk", [b"\x01", b"\x00\x00"])
+def test_other_bytes_before_a_request_are_junk(junk: bytes) -> None:
+    tracker = Tracker()
+    assert kinds(watch([(0.0, ">", junk + PING), (0.01, "<", PONG)], tracker)) == ["noise", "request", "answer"]
+    assert tracker.junk == len(junk)
+
+
+@pytest.mark.parametrize("family", DIALOGUES)
+@pytest.mark.parametrize("again", [0.02, 0.5], ids=["asked again at once", "asked again later"])
+@pytest.mark.parametrize("lost", [-1, -2])
+def test_an_answer_that_lost_a_byte_is_corrupt_and_not_missing(family: str, again: float, lost: int) -> None:
+    question, answer = DIALOGUES[family]
+    tracker = Tracker(FAMILIES[family], baud=57_600)
+    begun = bytes(answer[:lost] + answer[len(answer) + lost + 1 :])
+    assert len(begun) == len(answer) - 1
+    script = [(0.0, ">", question), (0.01, "<", begun), (again, ">", question), (again + 0.01, "<", answer)]
+    sights = watch(script, tracker)
+    assert kinds(sights) == ["request", "corrupt", "request", "answer"]
+    assert (sights[1].raw, sights[1].trouble) == (begun, Trouble.CUT)
+    tally = only(tracker)
+    assert (tally.requests, tally.answers, tally.corrupt, tally.missing, tally.failed) == (2, 1, 1, 0, 1)
+    assert (tracker.cut_short, tracker.corrupt, tracker.junk) == (1, 0, 0)
+
+
+def test_the_beginning_of_an_answer_that_was_not_asked_for_is_junk() -> None:
+    tracker = Tracker(FAMILIES["dynamixel"])
+    watch([(0.0, ">", READ), (0.01, "<", OTHER_PONG[:-1]), (1.0, ">", READ)], tracker)
+    assert (tracker.cut_short, tracker.junk, tracker.tallies[0].missing) == (0, 5, 1)
+
+
 def test_junk_around_an_answer() -> None:
     tracker = Tracker()
     sights = watch([(0.0, ">", PING), (0.002, "<", b"\x00\x80" + PONG + b"\x7f")], tracker)
@@ -292,7 +343,7 @@ def test_junk_around_an_answer() -> None:
 
 def test_half_an_answer_ends_with_the_next_question() -> None:
     sights = watch([(0.0, ">", READ), (0.002, "<", HEAT[:5]), (0.03, ">", READ), (0.032, "<", HEAT)])
-    assert kinds(sights) == ["request", "noise", "silence", "request", "answer"]
+    assert kinds(sights) == ["request", "corrupt", "request", "answer"]
     assert sights[1].raw == HEAT[:5]
     assert sights[1].time == 0.002
 
