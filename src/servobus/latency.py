@@ -9,10 +9,9 @@ class Latency:
     peak      the latest of the last some thousand, s; it fades
     patience  how long to wait for one, s: twice the peak, and SPARE; as long as few have come, at least the
               transport's own guess
-    soonest   the soonest of the first some dozen, s; below 0 where bytes do not take the time that the speed says
     """
 
-    __slots__ = ("_transport", "answers", "patience", "peak", "soonest")
+    __slots__ = ("_transport", "answers", "patience", "peak")
 
     SPARE = 0.004
     FLOOR = 0.010
@@ -26,7 +25,6 @@ class Latency:
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
         self.answers = 0
-        self.soonest = 0.0
         self.peak = 0.0
         self.patience = 0.0
         self.review()
@@ -34,8 +32,6 @@ class Latency:
     def note(self, late: float) -> None:
         """Learn from an answer that came this many seconds later than the wire allows."""
         self.answers += 1
-        if late < self.soonest and self.answers <= self.ENOUGH:
-            self.soonest = late
         if late > self.peak:
             self.peak = min(late, self.LONGEST)
             self.review()
@@ -45,7 +41,7 @@ class Latency:
 
     def impossible(self, late: float, wire: float) -> bool:
         """Tell whether nothing that is asked now can have been answered so soon; `wire` is what the bits take, s."""
-        return self._transport.timed and self.answers >= self.ENOUGH and late < self.soonest - self.SLACK * wire
+        return self._transport.timed and late < -self.SLACK * wire
 
     def review(self) -> None:
         """Work out the patience anew."""

@@ -19,7 +19,7 @@ class Transport(ABC):
     latency: float = 0.0
     """Seconds that a reply may be late for reasons of the adapter and the system, not of the servo."""
     timed: bool = False
-    """Whether bytes take the time here that the speed says, so that no answer comes sooner than its bits allow."""
+    """Whether bytes surely take the time here that the speed says: no answer can come sooner than its bits allow."""
 
     @abstractmethod
     def write(self, data: bytes) -> None:

@@ -33,6 +33,8 @@ LATENCY = 0.025
 """s; assumption: the usual USB adapter holds bytes back for up to 16 ms; the rest is the system's."""
 NETWORK_LATENCY = 0.1
 """s; assumption: what a local network and the device at its other end may need."""
+UARTS = {"ch341", "cp210x", "ftdi_sio", "pl2303", "serial", "serial8250", "uart-pl011"}
+"""Drivers of chips whose bytes take the time that the speed says. Boards that speak USB themselves (cdc_acm) need not."""
 STUCK = 1.0
 """s after which a port that takes no bytes is given up; a packet leaves within 0.3 s at the slowest speed."""
 CHUNK = 4096
@@ -162,7 +164,7 @@ class SerialPort(Transport):
         self.low_latency = _ask_for_low_latency(port)
         if wired:
             self.adapter = adapter.adapter(name)
-            self.timed = self.adapter is not None
+            self.timed = self.adapter is not None and self.adapter.driver in UARTS
             self.latency = (self.adapter and self.adapter.latency) or LATENCY
 
     # Trouble
