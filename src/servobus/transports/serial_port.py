@@ -7,6 +7,7 @@ system calls for a read, one for a write.
 import contextlib
 import errno
 import os
+import re
 import select
 import socket
 import sys
@@ -301,6 +302,8 @@ def _ask_for_low_latency(port: Any) -> bool:
 def _explain(name: str, error: Exception) -> str:
     number = getattr(error, "errno", None)
     text = str(error)
+    if address := re.fullmatch(r"(?:tcp://)?([^/]+:\d+)/?", name):
+        return f"{name}: no such port; a TCP port is written socket://{address[1]}"
     if number == errno.ENOENT or "No such file" in text or "FileNotFoundError" in text:
         return f"{name}: no such port; `servobus ports` lists what is plugged in"
     if number == errno.EACCES or "Permission denied" in text or "PermissionError" in text:
