@@ -221,7 +221,8 @@ class SerialPort(Transport):
         if self._fd == -1 or (self._fd is None and not self._port.is_open):
             return PortError(f"{self.name} is closed")
         why = f" ({getattr(error, 'strerror', None) or error})" if error is not None else ""
-        return PortLost(f"{self.name}: the port went away {when}{why}; is it unplugged?")
+        hint = "did its other end hang up, or serve another client?" if "://" in self.name else "is it unplugged?"
+        return PortLost(f"{self.name}: the port went away {when}{why}; {hint}")
 
     # Ports without a descriptor: Windows, and rfc2217 whose bytes a thread of pyserial collects
 
