@@ -53,14 +53,14 @@ def test_pages_have_snippets(page: Path) -> None:
 def test_pytest_examples_pass(tmp_path: Path) -> None:
     """The tests of virtual.md, each in a file of its own, under a pytest of its own that has our plugin."""
     tests = [text for _, text in snippets(DOCS / "virtual.md") if "def test_" in text]
-    assert len(tests) == 3
+    assert len(tests) == 4
     for number, text in enumerate(tests):
         (tmp_path / f"test_{number}.py").write_text(text, encoding="utf-8")
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-p", "servobus.pytest_plugin", str(tmp_path)]
     environment = os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}  # else an installed one would be there twice
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=environment)
     assert done.returncode == 0, done.stdout
-    assert "3 passed" in done.stdout
+    assert "4 passed" in done.stdout
 
 
 @pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=lambda page: page.name)

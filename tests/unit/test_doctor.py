@@ -235,7 +235,10 @@ class TestHealth:
         monkeypatch.setattr(connect, "open", lambda _: Bus(port))
         finding = told(examine("virtual:", Plan(FACTORY, ids=[1, 2], reads=0)))["errors"]
         assert (finding.level, finding.what) == (Level.FAIL, "DRS-0602 ids 1, 2: temperature")
-        assert finding.mend[0].endswith("$id status_error=0 status_detail=0; done")
+        clear, rearm = finding.mend
+        assert clear.endswith("$id status_error=0 status_detail=0; done")
+        assert rearm == f"for id in 1 2; do servobus rearm '{port.name}' $id; done"
+        assert "rearm clears it too and switches the torque on" in finding.cause
 
     def test_the_error_that_a_search_may_cause(self) -> None:
         # The PING of a Dynamixel with id 7, FF FF 07 02 01 F5, is the start of a packet for a HerkuleX with id 2.
@@ -255,7 +258,8 @@ class TestHealth:
         finding = told(examine("virtual:", Plan(FACTORY, ids=[1], reads=0)))["errors"]
         assert finding.level is Level.FAIL
         assert finding.what == "RX-28 id 1: the torque limit is 0, so nothing moves"
-        assert finding.mend == (f"servobus write '{port.name}' 1 torque_limit=100",)
+        assert "rearm switches the torque on" in finding.cause
+        assert finding.mend == (f"servobus rearm '{port.name}' 1",)
 
     def test_servos_that_cannot_be_asked_for_errors(self) -> None:
         errors = [finding for finding in visit("rx28@1,lx16a@2?clock=virtual") if finding.check == "errors"]

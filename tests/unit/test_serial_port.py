@@ -236,7 +236,14 @@ class TestOpening:
             SerialPort(terminal.name, 57_600)
 
     @pytest.mark.parametrize(
-        ("name", "why"), [("/dev/null", "is no serial port"), ("/no/such/port", "no such port; `servobus ports`")]
+        ("name", "why"),
+        [
+            ("/dev/null", "is no serial port"),
+            ("/no/such/port", "no such port; `servobus ports`"),
+            ("tcp://pi.local:3333", "a TCP port is written socket://pi.local:3333"),
+            ("127.0.0.1:3333", "a TCP port is written socket://127.0.0.1:3333"),
+            ("[::1]:3333", r"a TCP port is written socket://\[::1\]:3333"),
+        ],
     )
     def test_what_is_no_port(self, name: str, why: str) -> None:
         with pytest.raises(PortError, match=why):

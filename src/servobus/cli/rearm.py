@@ -13,7 +13,7 @@ def rearm(port: str, id: int, where: Where) -> None:
     """Switch the torque of the servo ID on PORT on again, after an alarm has switched it off.
 
     The alarm is cleared by the rule of the servo's family, and the goal becomes the present position, so nothing
-    jumps. Refused while the cause is still there, such as a servo that is too hot.
+    jumps. Refused while the cause is still there, such as a servo that is too hot; then the torque is off.
     """
     with opened(port) as bus:
         servo = find(bus, where, id)

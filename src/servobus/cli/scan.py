@@ -34,10 +34,13 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     """Look for servos on PORT, and at each that is found. Moves nothing, changes nothing.
 
     Each id is asked in each family at its factory speed; with `--baud all` at every speed that the family
-    has, which takes minutes on a real port.
+    has, which takes minutes on a real port. Exits with 1 if nobody is found; --json then prints [].
     """
     wanted = id_list(ids)
     rounds = where.rounds()
+    if isinstance(where.baud, int) and not any(where.baud in family.bauds for family, _ in rounds):
+        usual = ", ".join(family.name for family, _ in rounds)
+        note(f"{where.baud} baud is no usual speed of {usual} servos; asking all the same")
     with opened(port) as bus, ExitStack() as stack:
         total = len(wanted) * sum(len(bauds) for _, bauds in rounds)
         bar = Bar(stack, total)
@@ -61,6 +64,8 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     elif not found:
         hint = "are they powered?" if where.baud == "all" else "are they powered? `--baud all` tries every speed"
         note(f"no servo answers (asked ids {ids}: {where}); {hint}")
+    if not found:
+        raise click.exceptions.Exit(1)
 
 
 def _tell(troubles: list[Trouble], found: list[Found]) -> None:

@@ -32,7 +32,7 @@ def backup(port: str, id: int, where: Where, file: str | None, force: bool) -> N
         click.echo(saved.text(), nl=False)
         return
     path = Path(file or f"{saved.model.key()}-id{saved.id}.toml")
-    write_backup(saved, path, force=force)
+    write_backup(saved, path, force=force, otherwise="choose another name, or replace it with --force")
     click.echo(f"{len(saved.values)} settings of {saved.model.title} id {saved.id} saved to {path}")
 
 
@@ -58,13 +58,13 @@ def restore(port: str, id: int, where: Where, file: str, yes: bool) -> None:
         click.echo(f"{servo.target}: restored {', '.join(names)}")
 
 
-def write_backup(saved: Backup, path: Path, *, force: bool = False) -> None:
-    """Write a backup file, replacing none. Raises UsageError."""
+def write_backup(saved: Backup, path: Path, *, force: bool = False, otherwise: str = "choose another name") -> None:
+    """Write a backup file, replacing none. Raises UsageError, with what can be done otherwise."""
     try:
         with path.open("w" if force else "x", encoding="utf-8") as file:
             file.write(saved.text())
     except FileExistsError:
-        raise UsageError(f"{path} exists already and is not replaced; choose another name") from None
+        raise UsageError(f"{path} exists already and is not replaced; {otherwise}") from None
 
 
 def read_backup(path: Path) -> Backup:

@@ -17,7 +17,7 @@ from servobus.cli.options import (
     verb,
 )
 from servobus.cli.output import note, warn_alarms
-from servobus.errors import BadValue
+from servobus.errors import BadValue, UsageError
 from servobus.units import show
 
 
@@ -59,6 +59,7 @@ def turn(
             servo.position_mode(limits)
             click.echo(f"{servo.target} takes angles again; it is at {_here(servo)}")
         else:
+            _check_kind(servo, speed)
             _turn(bus, servo, output, speed)
         warn_alarms(servo)
 
@@ -68,6 +69,13 @@ def _check(servo: BusServo, low: float, high: float) -> None:
         servo.model.register(name).encode(angle)
     if low >= high:
         raise BadValue(f"--limits: {show(low, 'rad')} is not below {show(high, 'rad')}")
+
+
+def _check_kind(servo: BusServo, speed: float | None) -> None:
+    if servo.family.turns_at_speed and speed is None:
+        raise UsageError(f"{servo.target} controls the speed at which it turns: give --speed DEG/S")
+    if speed is not None and not servo.family.turns_at_speed:
+        raise UsageError(f"{servo.target} cannot control the speed at which it turns: give --output PERCENT")
 
 
 def _turn(bus: Bus, servo: BusServo, output: float | None, speed: float | None) -> None:

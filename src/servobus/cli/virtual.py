@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+from collections import Counter
 from pathlib import Path
 
 import click
@@ -15,7 +16,7 @@ from servobus.virtual.drawer import open_drawer
 from servobus.virtual.faults import KINDS, NO_FAULTS, SETTINGS, Faults, explain
 from servobus.virtual.motor import NOTHING, Load
 from servobus.virtual.ports import serve_pty, serve_tcp
-from servobus.virtual.spec import Setup, parse_load, parse_specs
+from servobus.virtual.spec import Servos, Setup, parse_load, parse_specs
 
 
 class LoadType(click.ParamType[Load]):
@@ -54,7 +55,7 @@ class FaultsType(click.ParamType[Faults]):
 )
 @click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
 @click.option("--pty", metavar="LINK", help="Make LINK a symbolic link to the terminal.")
-@click.option("--tcp", metavar="HOST:PORT", help="Serve a TCP port instead; port 0 takes any free one.")
+@click.option("--tcp", metavar="[HOST:]PORT", help="Serve a TCP port instead; port 0 takes any free one.")
 @click.option("--baud", type=BAUD, metavar="N", help="Speed the servos start with; else the factory speed.")
 @click.option("--state", metavar="FILE", help="Keep the EEPROM contents in FILE, so that they remember.")
 @click.option("--echo", is_flag=True, help="Give back what is sent, as some adapters do.")
@@ -112,8 +113,9 @@ def virtual(
         raise click.UsageError("say either --pty or --tcp")
     if isinstance(baud, str):
         raise click.UsageError("--baud: servos have one speed, not all")
+    servos = parse_specs(",".join(specs))
     setup = Setup(
-        parse_specs(",".join(specs)),
+        servos,
         echo=echo,
         baud=baud,
         voltage=voltage,
@@ -126,6 +128,7 @@ def virtual(
     address = _address(tcp) if tcp else None
     stop = stop_on_signals()
     drawer = open_drawer(setup)
+    _note_twins(servos)
     shown = Show(drawer, stop) if show else None
 
     def ready(name: str) -> None:
@@ -149,6 +152,14 @@ def virtual(
         note("faults: " + ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items())))
 
 
+def _note_twins(servos: Servos) -> None:
+    """Say which servos will collide: a slip of the pen, or what somebody wants to try."""
+    ids = Counter((model.family.name, id) for model, some in servos for id in some)
+    for (family, id), count in ids.items():
+        if count > 1:
+            note(f"{count} {family} servos with id {id}: their answers collide, as those of real ones do")
+
+
 def _ready(name: str) -> None:
     click.echo(f"ready {name}")
     sys.stdout.flush()  # whoever waits for this line may wait on a pipe
@@ -160,5 +171,5 @@ def _address(text: str) -> tuple[str, int]:
     """Read HOST:PORT, [::1]:PORT or PORT."""
     host, _, port = text.rpartition(":")
     if not port.isdecimal() or int(port) > 65535:
-        raise BadValue(f"--tcp {text}: write HOST:PORT, such as 127.0.0.1:3333")
+        raise BadValue(f"--tcp {text}: write [HOST:]PORT, such as 127.0.0.1:3333")
     return host.strip("[]") or "127.0.0.1", int(port)

@@ -15,9 +15,13 @@ _WEAK = "a weak or wrong supply, or long and thin wires: measure it at the servo
 _STRONG = "a supply that is made for other servos: switch it off before it does harm"
 _HOT = "too much load for too long, or a blocked shaft: take the load off, and let it cool without torque"
 _ENDS = "it ends when its cause does"
-_STAYS = "it stays until it is cleared: mend first what caused it"
+_STAYS = "it stays until it is cleared: mend first what caused it; rearm clears it too and switches the torque on"
 _FOREIGN = "noise, or requests that were meant for another family, as those of a search are"
-_SHUT = "an alarm has shut it down: mend first what caused that"
+_SHUT = "an alarm has shut it down: mend first what caused that; rearm switches the torque on, where it is"
+
+
+_CLEAR = ("write", "$id", "status_error=0", "status_detail=0")
+_REARM = ("rearm", "$id")
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +29,7 @@ class Complaint:
     """What is wrong with one servo. Servos with the same complaint are told together.
 
     value  what was measured, and its unit; None if the words say it
-    mend   words of the command that mends it, $id among them
+    mends  words of each command that mends it, $id among them
     """
 
     servo: BusServo
@@ -34,12 +38,12 @@ class Complaint:
     value: tuple[float, str] | None
     words: str
     cause: str
-    mend: tuple[str, ...] = ()
+    mends: tuple[tuple[str, ...], ...] = ()
 
     @property
     def key(self) -> tuple[object, ...]:
         servo = self.servo
-        return servo.model, servo.baud, self.level, self.check, self.words, self.cause, self.mend
+        return servo.model, servo.baud, self.level, self.check, self.words, self.cause, self.mends
 
 
 def health(bus: Bus, servos: list[BusServo]) -> Iterator[Finding]:
@@ -88,7 +92,7 @@ def _heat(servo: BusServo, degrees: float, hot: float) -> Iterator[Complaint]:
     if degrees > hot - WARM:
         level = Level.FAIL if degrees > hot else Level.WARN
         words = f"where {show(hot, 'degC')} is the limit set in it"
-        yield Complaint(servo, level, "temperature", (degrees, "degC"), words, _HOT, ("torque", "$id", "off"))
+        yield Complaint(servo, level, "temperature", (degrees, "degC"), words, _HOT, (("torque", "$id", "off"),))
 
 
 def _errors(servo: BusServo, limit: float | None) -> Iterator[Complaint]:
@@ -96,14 +100,14 @@ def _errors(servo: BusServo, limit: float | None) -> Iterator[Complaint]:
     if servo.alarms:
         said = servo.alarm_text()
         stays = "status_error" in servo.model.registers
-        mend = ("write", "$id", "status_error=0", "status_detail=0") if stays else ()
+        mends = (_CLEAR, _REARM) if stays else ()
         level, cause = Level.FAIL, _STAYS if stays else _ENDS
-        if said == "invalid_packet":  # of all errors the one that asking may have caused
-            level, cause = Level.WARN, _FOREIGN
-        yield Complaint(servo, level, "errors", None, said, cause, mend)
+        if said == "invalid_packet":  # of all errors the one that asking may have caused; it takes no torque
+            level, cause, mends = Level.WARN, _FOREIGN, mends[:1]
+        yield Complaint(servo, level, "errors", None, said, cause, mends)
     if limit == 0:
         words = "the torque limit is 0, so nothing moves"
-        yield Complaint(servo, Level.FAIL, "errors", None, words, _SHUT, ("write", "$id", "torque_limit=100"))
+        yield Complaint(servo, Level.FAIL, "errors", None, words, _SHUT, (_REARM,))
 
 
 def _without_errors(servos: list[BusServo]) -> Iterator[Finding]:
@@ -128,8 +132,5 @@ def _told(port: str, group: list[Complaint]) -> Finding:
     if one.value is not None:
         value = span((member.value[0] for member in group if member.value is not None), one.value[1]) + " "
     what = f"{servo.model.title} {id_list(ids)}: {value}{one.words}"
-    mend: tuple[str, ...] = ()
-    if one.mend:
-        verb, *words = one.mend
-        mend = (for_each(ids, command(verb, port, *words, at(servo.family, servo.baud))),)
-    return Finding(one.level, one.check, what, one.cause, mend)
+    commands = [command(verb, port, *words, at(servo.family, servo.baud)) for verb, *words in one.mends]
+    return Finding(one.level, one.check, what, one.cause, tuple(for_each(ids, each) for each in commands))

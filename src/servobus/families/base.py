@@ -183,6 +183,8 @@ class Family(ABC):
     """Registers that can set a servo in motion, beside torque and goals."""
     strength: ClassVar[str] = ""
     """Register in RAM that bounds the output; "" if the family has none."""
+    turns_at_speed: ClassVar[bool] = False
+    """Whether it controls the speed of endless turn; else a share of full output is set."""
     brakes: ClassVar[bool] = False
     """Whether it can brake: short its motor, so that the shaft turns only slowly."""
 

@@ -202,7 +202,8 @@ class Dynamixel1(Family):
         standing = (yield from self.read_alarms(target)) & mask
         if standing:
             said = Flags(Error).show(Error(standing))
-            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
+            done = "torque_enable is off now, so it goes nowhere when that is over"
+            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}; {done}", standing)
         stance = yield from self.stance(target)
         if stance.turning:
             yield from self._write_raw_speed(target, 0)  # what it turned with before would set it going again

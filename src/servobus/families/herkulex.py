@@ -91,6 +91,7 @@ class Herkulex(Family):
     full_duplex = True
     strength = "max_pwm"
     brakes = True
+    turns_at_speed = True
     max_move_time = LONGEST_PLAYTIME * TICK
     # Torque Control is among what tells a restart; the light is not, for a JOG sets it. The id is no setting.
     fickle = frozenset({"id", "status_error", "status_detail", "aux_1", "led_control"})

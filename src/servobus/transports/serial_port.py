@@ -7,6 +7,7 @@ system calls for a read, one for a write.
 import contextlib
 import errno
 import os
+import re
 import select
 import socket
 import sys
@@ -34,7 +35,7 @@ LATENCY = 0.025
 NETWORK_LATENCY = 0.1
 """s; assumption: what a local network and the device at its other end may need."""
 UARTS = {"ch341", "cp210x", "ftdi_sio", "pl2303", "serial", "serial8250", "uart-pl011"}
-"""Drivers of chips whose bytes take the time that the speed says. Boards that speak USB themselves (cdc_acm) need not."""
+"""Drivers of chips whose bytes surely take their time. Boards that speak USB themselves (cdc_acm) need not."""
 STUCK = 1.0
 """s after which a port that takes no bytes is given up; a packet leaves within 0.3 s at the slowest speed."""
 CHUNK = 4096
@@ -222,7 +223,8 @@ class SerialPort(Transport):
         if self._fd == -1 or (self._fd is None and not self._port.is_open):
             return PortError(f"{self.name} is closed")
         why = f" ({getattr(error, 'strerror', None) or error})" if error is not None else ""
-        return PortLost(f"{self.name}: the port went away {when}{why}; is it unplugged?")
+        hint = "did its other end hang up, or serve another client?" if "://" in self.name else "is it unplugged?"
+        return PortLost(f"{self.name}: the port went away {when}{why}; {hint}")
 
     # Ports without a descriptor: Windows, and rfc2217 whose bytes a thread of pyserial collects
 
@@ -303,6 +305,8 @@ def _ask_for_low_latency(port: Any) -> bool:
 def _explain(name: str, error: Exception) -> str:
     number = getattr(error, "errno", None)
     text = str(error)
+    if address := re.fullmatch(r"(?:tcp://)?([^/]+:\d+)/?", name):
+        return f"{name}: no such port; a TCP port is written socket://{address[1]}"
     if number == errno.ENOENT or "No such file" in text or "FileNotFoundError" in text:
         return f"{name}: no such port; `servobus ports` lists what is plugged in"
     if number == errno.EACCES or "Permission denied" in text or "PermissionError" in text:

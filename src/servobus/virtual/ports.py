@@ -211,7 +211,10 @@ class PtyPort(Terminal, Port):
 
 
 class TcpPort(Port):
-    """A TCP port for one client at a time; another may come when it has gone. Port 0 takes any free one."""
+    """A TCP port for one client at a time; another may come when it has gone, and until then is hung up on.
+
+    Port 0 takes any free one.
+    """
 
     def __init__(self, drawer: Drawer, host: str = "127.0.0.1", port: int = 0) -> None:
         super().__init__(drawer)
@@ -231,8 +234,9 @@ class TcpPort(Port):
         self.name = f"socket://{shown}:{self._address[1]}"
 
     def _wait(self, timeout: float) -> bytes:
-        waiting = self._client or self._listener
-        if not select.select([waiting], [], [], timeout)[0]:
+        waiting = [self._listener] if self._client is None else [self._client, self._listener]
+        ready = select.select(waiting, [], [], timeout)[0]
+        if not ready:
             return b""
         if self._client is None:
             self._client, _ = self._listener.accept()
@@ -240,6 +244,10 @@ class TcpPort(Port):
             self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             # A client that lost its network must not keep others out for ever.
             self._client.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            return b""
+        if self._client not in ready:
+            # What the present client has sent, its end too, comes before the next one is looked at.
+            self._listener.accept()[0].close()
             return b""
         try:
             data = self._client.recv(CHUNK)

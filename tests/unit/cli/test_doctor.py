@@ -21,7 +21,10 @@ def test_cause_first_then_the_command(run: Run) -> None:
     lines = run("doctor", port, "--family", "herkulex", "--reads", 500, code=1).stdout.splitlines()
     start = lines.index("FAIL     errors: DRS-0602 id 219: temperature")
     assert lines[start + 1].strip().startswith("it stays until it is cleared")
-    assert lines[start + 2].strip() == f"servobus write '{port}' 219 status_error=0 status_detail=0"
+    assert [line.strip() for line in lines[start + 3 : start + 5]] == [
+        f"servobus write '{port}' 219 status_error=0 status_detail=0",
+        f"servobus rearm '{port}' 219",
+    ]
     assert lines[-1] == "2 wrong"
     # What it says mends it is a command that there is: the heat is still there, so the error comes back.
     run("write", port, 219, "status_error=0", "status_detail=0")

@@ -97,8 +97,12 @@ def test_turn(run: Run, refused: Callable[..., str]) -> None:
     assert "LX-16A id 1 turns at -30.0 % of full output; `servobus stop" in result.stdout
     assert "torque switched on" in result.stderr
     assert "DRS-0602 id 219 turns at -90.0°/s" in run("turn", DRS, 219, "--speed", "-90").stdout
-    assert "give output" in refused("turn", RX, 1, "--speed", "90")
-    assert "give speed" in refused("turn", DRS, 219, "--output", "9")
+    assert "RX-28 id 1 cannot control the speed at which it turns: give --output PERCENT" in refused(
+        "turn", RX, 1, "--speed", "90"
+    )
+    assert "DRS-0602 id 219 controls the speed at which it turns: give --speed DEG/S" in refused(
+        "turn", DRS, 219, "--output", "9"
+    )
     assert "output 2.0 is not in -1 .. 1" in refused("turn", RX, 1, "--output", "200")
     assert "say one of" in refused("turn", RX, 1, code=2)
     assert "goes with --end" in refused("turn", RX, 1, "--output", "9", "--limits", "1", "2", code=2)

@@ -1,8 +1,12 @@
+import os
 from collections.abc import Callable
 
 import pytest
 
 from unit.cli.conftest import ALL, Run
+from unit.served import Arm
+
+posix = pytest.mark.skipif(os.name != "posix", reason="pseudo terminals as on POSIX")
 
 
 @pytest.mark.parametrize("family", ALL)
@@ -18,7 +22,18 @@ def test_rearm_gives_torque_where_the_servo_is(run: Run, family: str) -> None:
 def test_rearm_is_refused_while_it_is_too_hot(refused: Callable[..., str], family: str, cause: str) -> None:
     port, id = ALL[family]
     said = refused("rearm", f"{port}&temperature=90", id)
-    assert said.endswith(f" id {id}: the torque stays off, for the cause is still there: {cause}\n")
+    assert f" id {id}: the torque stays off, for the cause is still there: {cause}" in said
+
+
+@posix
+def test_a_refusal_says_what_was_done(refused: Callable[..., str], run: Run) -> None:
+    with Arm("rx28@1") as arm:
+        arm.servos[0].temperature = 90.0  # it is beyond its limit, 80 °C
+        run("write", arm.name, 1, "torque_enable=on", "torque_limit=0")
+        assert refused("rearm", arm.name, 1).endswith(
+            ": overheating; torque_enable is off now, so it goes nowhere when that is over\n"
+        )
+        assert arm.servos[0].get("torque_enable") == 0
 
 
 def test_an_id_or_speed_is_not_written_like_a_setting(refused: Callable[..., str]) -> None:

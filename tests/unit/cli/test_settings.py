@@ -76,6 +76,7 @@ def test_a_backup_goes_to_a_file_of_ones_choice_or_to_stdout(run: Run, refused: 
     assert "saved to elbow.toml" in run("backup", RX, 2, "elbow.toml").stdout
     assert "elbow.toml exists" in refused("backup", RX, 3, "elbow.toml")
     assert Backup.parse(Path("elbow.toml").read_text()).id == 2
+    assert "choose another name, or replace it with --force" in refused("backup", RX, 3, "elbow.toml")
     run("backup", RX, 3, "elbow.toml", "--force")
     assert Backup.parse(Path("elbow.toml").read_text()).id == 3
     assert Backup.parse(run("backup", RX, 1, "-").stdout).id == 1

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo terminals and
 
 
 @contextmanager
-def served(*args: str, end: signal.Signals = signal.SIGTERM) -> Iterator[str]:
+def served(*args: str, end: signal.Signals = signal.SIGTERM, notes: str = "") -> Iterator[str]:
     """Serve virtual servos from another process, as other programs see them; give the port."""
     command = [sys.executable, "-m", "servobus", "virtual", *args]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
@@ -30,7 +30,7 @@ def served(*args: str, end: signal.Signals = signal.SIGTERM) -> Iterator[str]:
         finally:
             process.send_signal(end)
             stdout, stderr = process.communicate(timeout=10)
-        assert (process.returncode, stdout, stderr) == (0, "", "")
+        assert (process.returncode, stdout, stderr) == (0, "", notes)
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -54,6 +54,17 @@ def test_a_tcp_port(load: Callable[..., Any]) -> None:
     with served("rx28@3", "--tcp", "127.0.0.1:0") as port:
         assert port.startswith("socket://127.0.0.1:")
         assert load("read", port, 3, "id", "--family", "dynamixel")["id"]["value"] == 3
+
+
+def test_a_tcp_port_needs_no_host() -> None:
+    with served("rx28@3", "--tcp", "0") as port:
+        assert port.startswith("socket://127.0.0.1:")
+
+
+def test_twins_are_noted() -> None:
+    said = "2 dynamixel servos with id 1: their answers collide, as those of real ones do\n"
+    with served("rx28@1,1,2", "lx16a@1", notes=said):
+        pass
 
 
 def test_options_reach_the_servos(tmp_path: Path, load: Callable[..., Any]) -> None:
@@ -80,8 +91,8 @@ def test_what_cannot_be_served(refused: Callable[..., str], tmp_path: Path) -> N
     assert "no model 'rx29'" in refused("virtual", "rx29@1")
     assert "ids" in refused("virtual", "rx28@x")
     assert "254" in refused("virtual", "rx28@254")
-    assert "write HOST:PORT" in refused("virtual", "rx28@1", "--tcp", "here")
-    assert "write HOST:PORT" in refused("virtual", "rx28@1", "--tcp", "h:70000")
+    assert "write [HOST:]PORT" in refused("virtual", "rx28@1", "--tcp", "here")
+    assert "write [HOST:]PORT" in refused("virtual", "rx28@1", "--tcp", "h:70000")
     assert "--voltage" in refused("virtual", "rx28@1", "--voltage", "much")
     assert "either --pty or --tcp" in refused("virtual", "rx28@1", "--pty", "a", "--tcp", "1", code=2)
     assert "not all" in refused("virtual", "rx28@1", "--baud", "all", code=2)

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 import serial
 
-from servobus.errors import PortError
+import servobus
+from servobus.errors import PortError, PortLost
 from servobus.virtual.drawer import Drawer, open_drawer
 from servobus.virtual.ports import Port, PtyPort, TcpPort, serve_pty, serve_tcp
 from servobus.virtual.spec import parse_url
@@ -185,6 +186,14 @@ def test_tcp_one_client_after_the_other() -> None:
         # A client over TCP has no speed: the LX-16A at 115200 understands it as well.
         heard = ask(port.name, 9600, bytes.fromhex("55 55 02 03 0E EC"), 7)
         assert heard == bytes.fromhex("55 55 02 04 0E 02 E9")
+
+
+def test_tcp_second_client_is_hung_up_on() -> None:
+    with served(TcpPort(drawer())) as port, servobus.open(port.name) as bus:
+        bus.find(1, family="dynamixel")
+        with servobus.open(port.name) as other, pytest.raises(PortLost, match="serve another client"):
+            other.find(1, family="dynamixel")
+        bus[1].ping()  # the first one is served as before
 
 
 def test_tcp_client_that_leaves_without_a_word() -> None:
