@@ -100,7 +100,7 @@ def _errors(servo: BusServo, limit: float | None) -> Iterator[Complaint]:
     if servo.alarms:
         said = servo.alarm_text()
         stays = "status_error" in servo.model.registers
-        mends = (_CLEAR, _REARM) if stays else ()
+        mends: tuple[tuple[str, ...], ...] = (_CLEAR, _REARM) if stays else ()
         level, cause = Level.FAIL, _STAYS if stays else _ENDS
         if said == "invalid_packet":  # of all errors the one that asking may have caused; it takes no torque
             level, cause, mends = Level.WARN, _FOREIGN, mends[:1]
