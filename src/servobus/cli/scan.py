@@ -34,7 +34,7 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     """Look for servos on PORT, and at each that is found. Moves nothing, changes nothing.
 
     Each id is asked in each family at its factory speed; with `--baud all` at every speed that the family
-    has, which takes minutes on a real port. Exits with 1 if nobody is found; --json then prints [].
+    has, which takes minutes on a real port. That nobody is there is an answer too: --json prints [] then.
     """
     wanted = id_list(ids)
     rounds = where.rounds()
@@ -64,8 +64,6 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     elif not found:
         hint = "are they powered?" if where.baud == "all" else "are they powered? `--baud all` tries every speed"
         note(f"no servo answers (asked ids {ids}: {where}); {hint}")
-    if not found:
-        raise click.exceptions.Exit(1)
 
 
 def _tell(troubles: list[Trouble], found: list[Found]) -> None:
