@@ -155,8 +155,7 @@ def turn(drawer: Drawer, raw: int) -> None:
     assert done.wait(PROMPT)
 
 
-@pytest.mark.parametrize("kind", [pytest.param(PtyPort, marks=needs_pty), TcpPort])
-@DRIVERS
+@pytest.mark.parametrize(("kind", "driver"), [pytest.param(PtyPort, SYNC, marks=needs_pty), (TcpPort, ASYNC)])
 @EVERY
 def test_F7_through_the_system_no_value_is_wrong(key: str, driver: str, kind: type[Port]) -> None:
     """A mix of faults through a pseudo terminal and through TCP, on the real clock: each value is the one that the
