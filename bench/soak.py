@@ -371,7 +371,7 @@ def soak(seed: int, transactions: int, seconds: float) -> tuple[Tally, bool]:
                     total += one.result()
                 except BrokenProcessPool:
                     return total, False
-            if (now := time.monotonic()) - told > 2:
+            if sys.stderr.isatty() and (now := time.monotonic()) - told > 2:
                 told = now
                 rate = total.transactions / (now - started)
                 print(f"\r{total.transactions} of {transactions}, {rate:.0f}/s, {total.wrong} wrong", end="",
