@@ -115,8 +115,12 @@ class SerialPort(Transport):
     def close(self) -> None:
         if self._fd is not None:
             self._fd, self._wait = -1, _closed
+        # pyserial does not close a socket that the other end has hung up on.
+        own = getattr(self._port, "_socket", None)
         with contextlib.suppress(*_TROUBLES):
             self._port.close()
+        if own is not None:
+            own.close()
 
     def reopen(self) -> None:
         """Open the port again, at the same speed, after it was lost or closed.
