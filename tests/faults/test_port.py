@@ -21,6 +21,7 @@ from servobus.virtual.drawer import Drawer, open_drawer
 from servobus.virtual.ports import Port, PtyPort, TcpPort
 from servobus.virtual.spec import parse_url
 from unit.lossy import ASYNC, SYNC
+from unit.served import served
 
 PROMPT = 3.0
 """s; far more than anything here takes, far less than for ever."""
@@ -49,20 +50,6 @@ def test_F16_a_port_that_goes_away_raises_at_once(key: str, when: str, driver: s
     assert [rig.try_position() for _ in range(2)] == ["right", "right"]
     rig.bus.close()
     rig.bus.close()
-
-
-@contextmanager
-def served(port: Port) -> Iterator[Port]:
-    stop = threading.Event()
-    with port:
-        thread = threading.Thread(target=port.serve, args=(stop,))
-        thread.start()
-        try:
-            yield port
-        finally:
-            stop.set()
-            thread.join(5)
-            assert not thread.is_alive()
 
 
 class Served:

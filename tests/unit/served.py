@@ -2,15 +2,15 @@
 
 import threading
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from types import TracebackType
 from typing import Self
 
 from servobus import Bus, open
 from servobus.framing import Corrupt, Packet
 from servobus.virtual.drawer import open_drawer
-from servobus.virtual.ports import PtyPort
+from servobus.virtual.ports import Port, PtyPort
 from servobus.virtual.servo import Replies, VirtualServo
 from servobus.virtual.spec import parse_url
 
@@ -24,6 +24,21 @@ def wait_for(done: Callable[[], bool]) -> None:
     while not done():
         assert time.monotonic() < end, "this never happened"
         time.sleep(0.005)
+
+
+@contextmanager
+def served(port: Port) -> Iterator[Port]:
+    """Serve what is behind a port, in a thread, while it is open."""
+    stop = threading.Event()
+    with port:
+        thread = threading.Thread(target=port.serve, args=(stop,))
+        thread.start()
+        try:
+            yield port
+        finally:
+            stop.set()
+            thread.join(5)
+            assert not thread.is_alive()
 
 
 class Arm:

@@ -7,10 +7,7 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -21,6 +18,7 @@ from servobus.virtual.faults import explain
 from servobus.virtual.inprocess import connect
 from servobus.virtual.ports import Port, PtyPort, TcpPort
 from servobus.virtual.spec import parse_url
+from unit.served import served
 from unit.virtual.test_faults import FAMILIES, PING, PONG, ask, equip, every_family, port
 
 needs_pty = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo terminals on Windows")
@@ -38,20 +36,6 @@ def test_the_same_on_the_real_clock() -> None:
         assert heard == expected
         if not expected:
             assert real.read(0.02) == b""
-
-
-@contextmanager
-def served(served_port: Port) -> Iterator[Port]:
-    stop = threading.Event()
-    with served_port:
-        thread = threading.Thread(target=served_port.serve, args=(stop,))
-        thread.start()
-        try:
-            yield served_port
-        finally:
-            stop.set()
-            thread.join(5)
-            assert not thread.is_alive()
 
 
 @pytest.mark.parametrize("kind", [pytest.param(PtyPort, marks=needs_pty), TcpPort])

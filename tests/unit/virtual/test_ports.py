@@ -5,8 +5,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -15,8 +14,9 @@ import serial
 import servobus
 from servobus.errors import PortError, PortLost
 from servobus.virtual.drawer import Drawer, open_drawer
-from servobus.virtual.ports import Port, PtyPort, TcpPort, serve_pty, serve_tcp
+from servobus.virtual.ports import PtyPort, TcpPort, serve_pty, serve_tcp
 from servobus.virtual.spec import parse_url
+from unit.served import served
 
 PING = bytes.fromhex("FF FF 01 02 01 FB")
 PONG = bytes.fromhex("FF FF 01 02 00 FC")
@@ -25,20 +25,6 @@ needs_pty = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo termin
 
 def drawer(spec: str = "rx28@1-3") -> Drawer:
     return open_drawer(parse_url(spec))
-
-
-@contextmanager
-def served(port: Port) -> Iterator[Port]:
-    stop = threading.Event()
-    with port:
-        thread = threading.Thread(target=port.serve, args=(stop,))
-        thread.start()
-        try:
-            yield port
-        finally:
-            stop.set()
-            thread.join(5)
-            assert not thread.is_alive()
 
 
 def ask(name: str, baud: int, request: bytes = PING, size: int = 6, timeout: float = 2.0) -> bytes:
