@@ -34,16 +34,16 @@ from inspect import isawaitable
 from itertools import islice
 from typing import Any, Self
 
-from servobus.aio import AsyncBus
-from servobus.bus import Bus
+from servobus.bus.asyncio import AsyncBus
+from servobus.bus.blocking import Bus
 from servobus.errors import BusError, PortLost, ServobusError
 from servobus.families.base import Answers
-from servobus.models import MODELS
-from servobus.stats import COLUMNS
-from servobus.virtual.drawer import open_drawer
-from servobus.virtual.inprocess import VirtualPort
-from servobus.virtual.servo import VirtualServo
-from servobus.virtual.spec import parse_url
+from servobus.families.registry import MODELS
+from servobus.link.stats import COLUMNS
+from servobus.virtual.device.servo import VirtualServo
+from servobus.virtual.serve.inprocess import VirtualPort
+from servobus.virtual.serve.rig import open_drawer
+from servobus.virtual.serve.spec import parse_url
 
 CHUNK = 1000
 """Transactions with one seed."""

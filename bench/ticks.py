@@ -15,7 +15,7 @@ from servobus import MODELS, deg
 from servobus.families.base import Leg
 
 if TYPE_CHECKING:
-    from servobus.virtual.inprocess import VirtualPort
+    from servobus.virtual.serve.inprocess import VirtualPort
 
 COUNTS = (1, 16, 64, 254)
 BEAT = 0.5

@@ -19,7 +19,7 @@ import servobus
 from servobus import DRS0602, LX16A, RX28, Bus, BusServo
 
 if TYPE_CHECKING:
-    from servobus.virtual.inprocess import VirtualPort
+    from servobus.virtual.serve.inprocess import VirtualPort
 
 FAST = 1_000_000
 SERVOS = 20

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from servobus import MODELS
+from servobus.core.registers import Access, Address, Area, Eep, EepRam, Int, Pair, Ram, Register
+from servobus.core.units import Choice, Divided, Flags, Quantity, Switch, Table, deg, rpm, show, shown
 from servobus.families.base import Model
-from servobus.registers import Access, Address, Area, Eep, EepRam, Int, Pair, Ram, Register
-from servobus.units import Choice, Divided, Flags, Quantity, Switch, Table, deg, rpm, show, shown
 
 PAGES = Path(__file__).parent / "registers"
 KGF_CM = 0.0980665
@@ -69,7 +69,7 @@ def index() -> str:
     head = ("Model", "Protocol", "Maker", "Factory id", "Factory speed", "Registers")
     return _join(
         "# Registers",
-        _origin("src/servobus/models"),
+        _origin("the tables in src/servobus/families"),
         "One page for each model: its specification, then every register.",
         _table(head, rows),
         "## How to read the tables",
@@ -97,7 +97,7 @@ conformance test of that number checks it.""",
 
 
 def page(model: type[Model]) -> str:
-    parts = [f"# {model.title}", _origin(f"src/servobus/models/{model.key()}.py"), _clean(model.__doc__ or "")]
+    parts = [f"# {model.title}", _origin(f"src/{model.__module__.replace('.', '/')}.py"), _clean(model.__doc__ or "")]
     parts += ["## Specification", _table(("", ""), list(_sheet(model)))]
     parts += ["## Registers", _table(_HEAD, [_row(row) for row in model.registers.values()])]
     parts += ["## Second names", "Either name works."]

@@ -9,7 +9,8 @@ below 10, the angle it goes to (30 degrees away), the angle it reached, and "bac
 import sys
 
 import servobus
-from servobus import deg, units
+from servobus import deg
+from servobus.core import units
 
 port = sys.argv[1] if len(sys.argv) > 1 else "virtual:rx28@1?clock=virtual"
 

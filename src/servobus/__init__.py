@@ -13,10 +13,10 @@ Angles are radians, times seconds, voltages volts; `90 * deg` is how one writes 
 What only one family can do is in `servobus.dynamixel1`, `servobus.herkulex` and `servobus.lewansoul`.
 """
 
-from servobus.backup import Backup
-from servobus.bus import Bus, BusServo, Move
+from servobus.bus.base import Reunion
+from servobus.bus.blocking import Bus, BusServo, Move
 from servobus.connect import open, open_async
-from servobus.driver import Reunion
+from servobus.core.units import deg, ms, rpm
 from servobus.errors import (
     BadChecksum,
     BadValue,
@@ -40,12 +40,14 @@ from servobus.errors import (
     UsageError,
     WrongReply,
 )
-from servobus.models import DRS0602, FAMILIES, LX16A, MODELS, RX28
-from servobus.procedures import State
-from servobus.protocols import dynamixel1, herkulex, lewansoul
-from servobus.stats import Counts, Stats
-from servobus.units import deg, ms, rpm
-from servobus.watch import Watch
+from servobus.families.dynamixel import protocol as dynamixel1
+from servobus.families.herkulex import protocol as herkulex
+from servobus.families.lewansoul import protocol as lewansoul
+from servobus.families.registry import DRS0602, FAMILIES, LX16A, MODELS, RX28
+from servobus.jobs.backup import Backup
+from servobus.jobs.procedures import State
+from servobus.link.stats import Counts, Stats
+from servobus.safety.watchdog import Watch
 
 __version__ = "0.1.0"
 

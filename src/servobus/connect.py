@@ -7,14 +7,14 @@ A port is a device path (`/dev/ttyUSB0`), `COM4`, `socket://host:port`, `rfc2217
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from servobus.bus import Bus
+from servobus.bus.blocking import Bus
 from servobus.errors import BadValue
-from servobus.families.notes import SafeAction
-from servobus.safety import check_safe_action
+from servobus.families.record import SafeAction
+from servobus.safety.safe_stop import check_safe_action
 from servobus.transports.base import Transport
 
 if TYPE_CHECKING:
-    from servobus.aio import AsyncBus
+    from servobus.bus.asyncio import AsyncBus
 
 VIRTUAL = "virtual:"
 FIRST_BAUD = 115_200
@@ -50,7 +50,7 @@ def open_async(
     safe_action: SafeAction | None = None,
 ) -> "AsyncBus":
     """Open a port for asyncio: `async with servobus.open_async(port) as bus`. See `open`."""
-    from servobus.aio import AsyncBus  # noqa: PLC0415 - asyncio is slow to import and not always wanted
+    from servobus.bus.asyncio import AsyncBus  # noqa: PLC0415 - asyncio is slow to import and not always wanted
 
     speeds = _speeds(bauds)
     check_safe_action(safe_action or "hold", ())
@@ -60,7 +60,7 @@ def open_async(
 def transport(port: str, speeds: tuple[int, ...] | None = None) -> Transport:
     """Open the bare port behind a name."""
     if port.startswith(VIRTUAL):
-        from servobus.virtual.inprocess import connect  # noqa: PLC0415 - real ports need no virtual servos
+        from servobus.virtual.serve.inprocess import connect  # noqa: PLC0415 - real ports need no virtual servos
 
         return connect(port)
     from servobus.transports.serial_port import SerialPort  # noqa: PLC0415 - virtual servos need no pyserial

@@ -16,9 +16,9 @@ from urllib.parse import quote
 import pytest
 
 if TYPE_CHECKING:
-    from servobus.bus import Bus
-    from servobus.virtual.faults import Faults
-    from servobus.virtual.ports import Port
+    from servobus.bus.blocking import Bus
+    from servobus.virtual.serve.ports import Port
+    from servobus.virtual.wire.faults import Faults
 
 PATIENCE = 5.0
 """s that a port may take to end."""
@@ -32,8 +32,8 @@ def virtual_bus() -> "Iterator[Callable[..., Bus]]":
     `clock="real"`: time passes only while the test waits for the bus. `bus.transport.inject(SPEC)` changes the faults
     later on, `bus.transport.servos` are the servos, `bus.transport.now()` is their time.
     """
-    from servobus.bus import Bus  # noqa: PLC0415 - here and below: only who uses it waits for it
-    from servobus.virtual.inprocess import connect  # noqa: PLC0415
+    from servobus.bus.blocking import Bus  # noqa: PLC0415 - here and below: only who uses it waits for it
+    from servobus.virtual.serve.inprocess import connect  # noqa: PLC0415
 
     with ExitStack() as stack:
 
@@ -52,9 +52,9 @@ def virtual_port() -> Iterator[Callable[..., str]]:
     With `tcp=True`, and on Windows always, it is a TCP port, as `socket://127.0.0.1:12345`. Other keywords are `faults`
     and the options of a virtual port. The clock is the real one.
     """
-    from servobus.virtual.drawer import open_drawer  # noqa: PLC0415
-    from servobus.virtual.ports import PtyPort, TcpPort  # noqa: PLC0415
-    from servobus.virtual.spec import parse_url  # noqa: PLC0415
+    from servobus.virtual.serve.ports import PtyPort, TcpPort  # noqa: PLC0415
+    from servobus.virtual.serve.rig import open_drawer  # noqa: PLC0415
+    from servobus.virtual.serve.spec import parse_url  # noqa: PLC0415
 
     with ExitStack() as stack:
 

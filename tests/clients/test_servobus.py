@@ -6,8 +6,8 @@ from contextlib import contextmanager
 import pytest
 
 import servobus
-from servobus.models import LX16A, RX28
-from servobus.units import deg
+from servobus.core.units import deg
+from servobus.families.registry import LX16A, RX28
 
 Serve = Callable[..., str]
 LINKS = {"pty": (), "tcp": ("--tcp", "127.0.0.1:0")}

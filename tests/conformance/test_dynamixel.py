@@ -14,12 +14,12 @@ import pytest
 
 from conformance.missing import MISSING, PARTLY
 from conformance.wire import Reply, Wire
-from servobus.models import RX28
-from servobus.units import deg, rpm
-from servobus.virtual.control.dynamixel1 import EMANUAL_LEVELS
-from servobus.virtual.dynamixel1 import Dynamixel1Servo
-from servobus.virtual.motor import Load, no_load_speed
-from servobus.virtual.servo import VirtualServo, virtual_servo
+from servobus.core.units import deg, rpm
+from servobus.families.dynamixel.control import EMANUAL_LEVELS
+from servobus.families.dynamixel.firmware import Dynamixel1Servo
+from servobus.families.registry import RX28
+from servobus.virtual.device.servo import VirtualServo, virtual_servo
+from servobus.virtual.physics.motor import Load, no_load_speed
 
 OK = "01 00"
 UNIT = 300 * deg / 1023

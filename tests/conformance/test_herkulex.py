@@ -11,11 +11,11 @@ import pytest
 
 from conformance.missing_herkulex import MISSING, PARTLY
 from conformance.wire import Reply, Wire
+from servobus.core.units import deg
 from servobus.errors import UsageError
-from servobus.models import DRS0602
-from servobus.units import deg
-from servobus.virtual.motor import Load
-from servobus.virtual.servo import VirtualServo, virtual_servo
+from servobus.families.registry import DRS0602
+from servobus.virtual.device.servo import VirtualServo, virtual_servo
+from servobus.virtual.physics.motor import Load
 
 TICK = 0.0112
 LOOP = TICK / 4

@@ -16,15 +16,15 @@ import pytest
 
 from conformance.missing_lewansoul import MISSING, PARTLY
 from conformance.wire import Wire
+from servobus.core.framing import Packet
+from servobus.core.units import deg
 from servobus.errors import UsageError
-from servobus.framing import Packet
-from servobus.models.lx16a import LX16A
-from servobus.units import deg
-from servobus.virtual.lewansoul import LewansoulServo
-from servobus.virtual.motion import Rail
-from servobus.virtual.motor import Load, no_load_speed, operating_point
-from servobus.virtual.motors import LX16A as MOTOR
-from servobus.virtual.servo import VirtualServo, virtual_servo
+from servobus.families.lewansoul.firmware import LewansoulServo
+from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.virtual.device.motor_data import LX16A as MOTOR
+from servobus.virtual.device.servo import VirtualServo, virtual_servo
+from servobus.virtual.physics.motor import Load, no_load_speed, operating_point
+from servobus.virtual.physics.shaft import Rail
 
 UNIT = 0.24 * deg
 TOP_SPEED = 60 * deg / 0.16

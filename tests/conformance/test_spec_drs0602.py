@@ -32,10 +32,10 @@ from conformance.test_herkulex import (
     write,
 )  # fmt: skip
 from conformance.wire import Wire
-from servobus.units import deg
-from servobus.virtual.motion import Rail, Shaft
-from servobus.virtual.motor import Load
-from servobus.virtual.profile import Profile
+from servobus.core.units import deg
+from servobus.virtual.physics.motor import Load
+from servobus.virtual.physics.shaft import Rail, Shaft
+from servobus.virtual.physics.trajectory import Profile
 
 
 def test_speed_without_load() -> None:

@@ -1,17 +1,17 @@
 """The public figures of the LX-16A, measured as a user would: by packets, a clock and weights.
 
 At 7.4 V the product pages have 60 degrees in 0.16 s and 19.5 kgf·cm. (Their torque at 6 V contradicts that;
-see servobus.virtual.motors.)
+see servobus.virtual.device.motor_data.)
 """
 
 import pytest
 
 from conformance.wire import Wire
-from servobus.framing import Packet
-from servobus.models.lx16a import LX16A
-from servobus.protocols.lewansoul import FRAMING, Command
-from servobus.virtual.motor import Load
-from servobus.virtual.servo import virtual_servo
+from servobus.core.framing import Packet
+from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.families.lewansoul.protocol import FRAMING, Command
+from servobus.virtual.device.servo import virtual_servo
+from servobus.virtual.physics.motor import Load
 
 KGF_CM = 9.80665e-2
 """N·m"""

@@ -11,11 +11,11 @@ import pytest
 
 from conformance.test_dynamixel import OK, UNIT, ask, framed, read, write
 from conformance.wire import Wire
-from servobus.models import RX28
-from servobus.units import deg
-from servobus.virtual.dynamixel1 import Dynamixel1Servo
-from servobus.virtual.motor import REFERENCE, Load
-from servobus.virtual.servo import VirtualServo, virtual_servo
+from servobus.core.units import deg
+from servobus.families.dynamixel.firmware import Dynamixel1Servo
+from servobus.families.registry import RX28
+from servobus.virtual.device.servo import VirtualServo, virtual_servo
+from servobus.virtual.physics.motor import REFERENCE, Load
 
 KGF_CM = 0.0980665
 TABLE = [(12.0, 28.3 * KGF_CM, 0.167), (16.0, 37.7 * KGF_CM, 0.126)]

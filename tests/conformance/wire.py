@@ -9,8 +9,8 @@ Everything in here knows bytes and times only, so that the facts that are tested
 from dataclasses import dataclass
 from typing import Any
 
-from servobus.virtual.line import VirtualLine
-from servobus.virtual.servo import VirtualServo
+from servobus.virtual.device.servo import VirtualServo
+from servobus.virtual.wire.line import VirtualLine
 
 
 @dataclass(frozen=True)

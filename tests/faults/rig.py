@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from servobus import MODELS, Bus, BusError
-from servobus.aio import AsyncBus
+from servobus.bus.asyncio import AsyncBus
 from servobus.families.base import Answers
-from servobus.virtual.inprocess import VirtualPort, connect
-from servobus.virtual.servo import VirtualServo
+from servobus.virtual.device.servo import VirtualServo
+from servobus.virtual.serve.inprocess import VirtualPort, connect
 from unit.lossy import ASYNC, SYNC
 
 EVERY = pytest.mark.parametrize("key", MODELS)

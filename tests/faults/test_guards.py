@@ -10,8 +10,8 @@ import pytest
 import servobus
 from faults.rig import DRIVERS, EVERY, Rig
 from servobus import MODELS, Stopped, deg
-from servobus.guard import Level
-from servobus.virtual.motor import Load
+from servobus.safety.overload import Level
+from servobus.virtual.physics.motor import Load
 from unit.lossy import ASYNC
 
 PATIENCE = 30.0

@@ -6,7 +6,7 @@ from typing import Any
 
 from faults.rig import DRIVERS, EVERY, Rig
 from servobus import deg
-from servobus.cycle import Cycle
+from servobus.bus.cycle import Cycle
 from unit.lossy import ASYNC
 
 PERIOD = 0.05

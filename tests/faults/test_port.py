@@ -17,9 +17,9 @@ import servobus
 from faults.rig import ALTERING, DRIVERS, EVERY, LOW, POSITION, Rig, told
 from servobus import MODELS, BusError, PortError
 from servobus.errors import PortLost
-from servobus.virtual.drawer import Drawer, open_drawer
-from servobus.virtual.ports import Port, PtyPort, TcpPort
-from servobus.virtual.spec import parse_url
+from servobus.virtual.serve.ports import Port, PtyPort, TcpPort
+from servobus.virtual.serve.rig import Drawer, open_drawer
+from servobus.virtual.serve.spec import parse_url
 from unit.lossy import ASYNC, SYNC
 from unit.served import served
 

@@ -4,8 +4,8 @@ import pytest
 
 from faults.rig import DRIVERS, EVERY, Rig
 from servobus import NoReply, Refused, Restarted, TorqueOff, deg, dynamixel1, herkulex
-from servobus.protocols.lewansoul import Alarm
-from servobus.virtual.motor import Load
+from servobus.families.lewansoul.protocol import Alarm
+from servobus.virtual.physics.motor import Load
 from unit.lossy import ASYNC, SYNC
 
 HOT = {

@@ -7,9 +7,9 @@ import pytest
 
 from faults.rig import DRIVERS, EVERY, POSITION, Rig
 from servobus import MODELS, BusError
-from servobus.exchange import Collector, Exchange
+from servobus.core.exchange import Collector, Exchange
+from servobus.core.framing import Decoder
 from servobus.families.base import Answers, Target
-from servobus.framing import Decoder
 from unit.lossy import ASYNC, SYNC
 
 SIZES = {"rx28": 8, "drs0602": 13, "lx16a": 8}

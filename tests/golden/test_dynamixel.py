@@ -6,10 +6,12 @@ from operator import or_
 import pytest
 
 from golden.golden import Case, load
-from servobus.framing import Packet
-from servobus.models.rx28 import RX28
-from servobus.protocols import dynamixel1
-from servobus.protocols.dynamixel1 import (
+from servobus.core.framing import Packet
+from servobus.core.registers import Address
+from servobus.core.values import replace
+from servobus.families.dynamixel import protocol as dynamixel1
+from servobus.families.dynamixel.models.rx28 import RX28
+from servobus.families.dynamixel.protocol import (
     FRAMING,
     Error,
     Instruction,
@@ -19,8 +21,6 @@ from servobus.protocols.dynamixel1 import (
     parse_instruction,
     parse_status,
 )
-from servobus.registers import Address
-from servobus.values import replace
 
 CASES = load("dynamixel")
 MISPRINTS = [case for case in CASES if not case.valid]

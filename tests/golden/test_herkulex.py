@@ -8,10 +8,11 @@ from typing import Any, TypeVar
 import pytest
 
 from golden.golden import Case, load
-from servobus.framing import Packet
-from servobus.models.drs0602 import DRS0602
-from servobus.protocols import herkulex
-from servobus.protocols.herkulex import (
+from servobus.core.framing import Packet
+from servobus.core.registers import Eep, EepRam, Ram
+from servobus.families.herkulex import protocol as herkulex
+from servobus.families.herkulex.models.drs0602 import DRS0602
+from servobus.families.herkulex.protocol import (
     ACK,
     FRAMING,
     Ack,
@@ -30,7 +31,6 @@ from servobus.protocols.herkulex import (
     parse_ack,
     parse_request,
 )
-from servobus.registers import Eep, EepRam, Ram
 
 FlagT = TypeVar("FlagT", bound=IntFlag)
 

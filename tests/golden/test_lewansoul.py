@@ -3,8 +3,8 @@
 import pytest
 
 from golden.golden import Case, load
-from servobus.framing import Packet
-from servobus.protocols.lewansoul import (
+from servobus.core.framing import Packet
+from servobus.families.lewansoul.protocol import (
     FRAMING,
     Answer,
     Command,

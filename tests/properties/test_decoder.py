@@ -5,10 +5,10 @@ from itertools import groupby
 from hypothesis import given
 from hypothesis import strategies as st
 
-from servobus.framing import Corrupt, Decoder, Event, Framing, Noise, Packet
-from servobus.protocols.dynamixel1 import Dynamixel1Framing
-from servobus.protocols.herkulex import HerkulexFraming
-from servobus.protocols.lewansoul import LewansoulFraming
+from servobus.core.framing import Corrupt, Decoder, Event, Framing, Noise, Packet
+from servobus.families.dynamixel.protocol import Dynamixel1Framing
+from servobus.families.herkulex.protocol import HerkulexFraming
+from servobus.families.lewansoul.protocol import LewansoulFraming
 
 FRAMINGS: list[Framing] = [HerkulexFraming(), Dynamixel1Framing(), LewansoulFraming()]
 

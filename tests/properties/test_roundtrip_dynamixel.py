@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import servobus
+from servobus.core.registers import Access, Address, Area, Register
 from servobus.errors import Refused, UsageError
 from servobus.families.base import Answers
-from servobus.models.rx28 import RX28
-from servobus.registers import Access, Address, Area, Register
-from servobus.virtual.inprocess import VirtualPort
+from servobus.families.dynamixel.models.rx28 import RX28
+from servobus.virtual.serve.inprocess import VirtualPort
 
 WRITABLE = [row for row in RX28.registers.values() if row.access is Access.READ_WRITE]
 PLAIN_BYTES = [

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import servobus
-from servobus.models.drs0602 import DRS0602
-from servobus.protocols.herkulex import Aux, eep_read, ram_read
-from servobus.registers import Access, Eep, EepRam, Ram, Register
-from servobus.virtual.inprocess import VirtualPort
+from servobus.core.registers import Access, Eep, EepRam, Ram, Register
+from servobus.families.herkulex.models.drs0602 import DRS0602
+from servobus.families.herkulex.protocol import Aux, eep_read, ram_read
+from servobus.virtual.serve.inprocess import VirtualPort
 
 WRITABLE = [row for row in DRS0602.registers.values() if row.access is Access.READ_WRITE]
 SPECIAL = [

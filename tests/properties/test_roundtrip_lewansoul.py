@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import servobus
+from servobus.core.registers import Access, Area, Register
 from servobus.errors import BadValue
-from servobus.models.lx16a import LX16A
-from servobus.registers import Access, Area, Register
-from servobus.virtual.inprocess import VirtualPort
+from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.virtual.serve.inprocess import VirtualPort
 
 WRITABLE = [row for row in LX16A.registers.values() if row.access is Access.READ_WRITE]
 PLAIN_BYTES = [LX16A.angle_offset, LX16A.max_temperature, LX16A.mode, LX16A.torque_enable, LX16A.led, LX16A.led_error]

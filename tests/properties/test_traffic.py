@@ -5,9 +5,9 @@ from hypothesis import strategies as st
 
 from golden.golden import load
 from servobus.families.base import Family
-from servobus.models import FAMILIES
+from servobus.families.registry import FAMILIES
+from servobus.traffic.events import Kind, Sight
 from servobus.traffic.recording import Chunk, Direction, End, Entry, Header, Speed, line, parse
-from servobus.traffic.sights import Kind, Sight
 from servobus.traffic.tracker import Tracker
 
 PACKETS = [case.packet for family in FAMILIES for case in load(family)]

@@ -5,12 +5,12 @@ from collections.abc import Callable
 from typing import Any
 
 from servobus import MODELS, Bus
-from servobus.aio import AsyncBus
+from servobus.bus.asyncio import AsyncBus
+from servobus.bus.servo import Servo
 from servobus.families.base import Answers
-from servobus.servo import Servo
 from servobus.transports.base import Transport
-from servobus.virtual.inprocess import VirtualPort, connect
-from servobus.virtual.servo import VirtualServo
+from servobus.virtual.device.servo import VirtualServo
+from servobus.virtual.serve.inprocess import VirtualPort, connect
 
 
 class Lossy(Transport):

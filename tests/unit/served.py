@@ -8,11 +8,11 @@ from types import TracebackType
 from typing import Self
 
 from servobus import Bus, open
-from servobus.framing import Corrupt, Packet
-from servobus.virtual.drawer import open_drawer
-from servobus.virtual.ports import Port, PtyPort
-from servobus.virtual.servo import Replies, VirtualServo
-from servobus.virtual.spec import parse_url
+from servobus.core.framing import Corrupt, Packet
+from servobus.virtual.device.servo import Replies, VirtualServo
+from servobus.virtual.serve.ports import Port, PtyPort
+from servobus.virtual.serve.rig import open_drawer
+from servobus.virtual.serve.spec import parse_url
 
 PATIENCE = 30.0
 """s; a limit against hanging, and never a measurement."""

@@ -12,7 +12,13 @@ TOOLS = {"click", "rich", "serial", "matplotlib", "asyncio"}
 """What only some of all programs need."""
 SLOW = {"dataclasses", "inspect", "tomllib", "datetime", "string", "difflib", "socket", "subprocess", "json"}
 """Modules of Python's own that take long to import, or bring others along."""
-OWN = {"servobus.virtual", "servobus.aio", "servobus.cli", "servobus.transports.serial_port", "servobus.response"}
+OWN = {
+    "servobus.virtual",
+    "servobus.bus.asyncio",
+    "servobus.cli",
+    "servobus.transports.serial_port",
+    "servobus.cli.response",
+}
 
 
 def loaded_by(script: str) -> set[str]:
@@ -35,7 +41,7 @@ def loaded_by_command(*args: str) -> set[str]:
 
 def test_importing_servobus_loads_the_driver_and_little_else() -> None:
     modules = loaded_by("import servobus")
-    assert "servobus.bus" in modules
+    assert "servobus.bus.blocking" in modules
     assert not modules & (TOOLS | SLOW | OWN)
 
 
@@ -52,7 +58,7 @@ def test_the_entry_point_itself_loads_nothing() -> None:
 
 def test_reading_a_virtual_servo_needs_neither_rich_nor_serial_nor_asyncio() -> None:
     modules = loaded_by_command("read", RX, "1", "present_position")
-    assert "servobus.virtual.inprocess" in modules
+    assert "servobus.virtual.serve.inprocess" in modules
     assert not modules & (TOOLS - {"click"})
 
 
@@ -60,7 +66,7 @@ def test_reading_a_virtual_servo_needs_neither_rich_nor_serial_nor_asyncio() -> 
     ("late", "script"),
     [
         ("tomllib", "servobus.Backup.parse('')"),
-        ("difflib", "servobus.models.model('rx82')"),
+        ("difflib", "servobus.families.registry.model('rx82')"),
     ],
 )
 def test_what_is_imported_late_is_there_when_needed(late: str, script: str) -> None:

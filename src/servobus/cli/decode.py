@@ -7,13 +7,14 @@ from typing import Any
 
 import click
 
-from servobus import FAMILIES, models
+from servobus import FAMILIES
 from servobus.cli.options import as_json, verb
 from servobus.cli.output import note, print_json
 from servobus.cli.packets import ROW, conclude, report
+from servobus.core.framing import Corrupt, Event, Noise, Packet
 from servobus.errors import UsageError
+from servobus.families import registry
 from servobus.families.base import Family, Model
-from servobus.framing import Corrupt, Event, Noise, Packet
 from servobus.traffic.recording import is_recording, parse
 from servobus.traffic.streams import first_model
 from servobus.traffic.tracker import Tracker
@@ -80,10 +81,10 @@ def replay(content: bytes, name: str, family: str | None, model: str | None, *, 
 
 def named(family: str | None, model: str | None) -> tuple[Family | None, type[Model] | None]:
     """Find family and model as people name them. Raises UsageError if there is none, or they do not belong together."""
-    known = models.family(family) if family else None
+    known = registry.family(family) if family else None
     if not model:
         return known, None
-    table = models.model(model)
+    table = registry.model(model)
     if known and known.name != table.family.name:
         raise UsageError(f"{table.title} is of the family {table.family.name}, not {family}")
     return table.family, table

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import click
 
 from servobus import MODELS, BusServo, ServobusError
-from servobus.cli.dance import SWING, Dancer
+from servobus.cli.demo_motion import SWING, Dancer
 from servobus.cli.options import terminated_like_interrupted, verb
 from servobus.cli.output import console, note
+from servobus.core.units import show
 from servobus.errors import BadValue
-from servobus.units import show
-from servobus.virtual.drawer import open_drawer
-from servobus.virtual.ports import PtyPort
-from servobus.virtual.spec import Setup, parse_specs
+from servobus.virtual.serve.ports import PtyPort
+from servobus.virtual.serve.rig import open_drawer
+from servobus.virtual.serve.spec import Setup, parse_specs
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -109,7 +109,7 @@ def _dance(dancers: Sequence[Dancer], seconds: float) -> None:
 def _picture(dancers: Sequence[Dancer]) -> "RenderableType":
     from rich.table import Table  # noqa: PLC0415 - slow to import, and only wanted on terminals
 
-    from servobus.cli.bars import angle, bar  # noqa: PLC0415 - needs rich
+    from servobus.cli.progress import angle, bar  # noqa: PLC0415 - needs rich
 
     table = Table.grid(padding=(0, 1))
     for dancer in dancers:

@@ -8,9 +8,9 @@ import click
 
 from servobus.cli.options import Where, as_json, id_list, on_port, verb
 from servobus.cli.output import console, print_json
+from servobus.core.ids import LAST_ID
 from servobus.doctor import Finding, Level, Plan, Rounds, examine
 from servobus.errors import BadValue
-from servobus.protocols.ids import LAST_ID
 
 if TYPE_CHECKING:
     import rich.progress

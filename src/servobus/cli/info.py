@@ -7,10 +7,10 @@ from servobus import BusServo, NoReply
 from servobus.cli.options import Where, as_json, find, on_servo, opened, verb
 from servobus.cli.output import console, entry, identity, print_json, text
 from servobus.cli.reference import sheet
+from servobus.core.registers import Access, Register
+from servobus.core.units import show
 from servobus.errors import BusError, Refused
 from servobus.families.base import Model
-from servobus.registers import Access, Register
-from servobus.units import show
 
 WIDEST = 16
 """Columns that a value may take before its register's meaning makes room for it."""

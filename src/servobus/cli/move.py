@@ -20,9 +20,9 @@ from servobus.cli.options import (
     verb,
 )
 from servobus.cli.output import console, note, print_json
+from servobus.core.ids import check_id
+from servobus.core.units import parse, show, shown
 from servobus.errors import BadValue, UsageError
-from servobus.protocols.ids import check_id
-from servobus.units import parse, show, shown
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -158,7 +158,7 @@ def _picture(
 ) -> "RenderableType":
     from rich.table import Table  # noqa: PLC0415 - slow to import, and only wanted on terminals
 
-    from servobus.cli.bars import angle, bar, reach  # noqa: PLC0415 - needs rich
+    from servobus.cli.progress import angle, bar, reach  # noqa: PLC0415 - needs rich
 
     table = Table.grid(padding=(0, 1))
     for servo in servos:

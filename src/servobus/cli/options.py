@@ -11,12 +11,13 @@ from typing import Any, Literal, TypeVar
 import click
 
 import servobus
-from servobus import Bus, BusServo, models
+from servobus import Bus, BusServo
 from servobus.cli.app import Verb
+from servobus.core.ids import LAST_ID, check_id
+from servobus.core.units import parse
 from servobus.errors import BadValue, NoReply
+from servobus.families import registry
 from servobus.families.base import Family
-from servobus.protocols.ids import LAST_ID, check_id
-from servobus.units import parse
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -138,7 +139,7 @@ class Where:
 
     def rounds(self) -> list[tuple[Family, tuple[int, ...]]]:
         """List the families to ask, each with its speeds."""
-        families = [models.family(self.family)] if self.family else list(models.FAMILIES.values())
+        families = [registry.family(self.family)] if self.family else list(registry.FAMILIES.values())
         return [(family, self._bauds(family)) for family in families]
 
     def _bauds(self, family: Family) -> tuple[int, ...]:
@@ -159,7 +160,7 @@ def where_options(command: F) -> F:
         family = value if param.name == "family" else old.family
         baud = value if param.name == "baud" else old.baud
         if family is not None:
-            models.family(family)  # an unknown name is refused before the port is opened
+            registry.family(family)  # an unknown name is refused before the port is opened
         ctx.params["where"] = Where(family, baud)
 
     options = (

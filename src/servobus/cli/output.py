@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servobus import BusServo
-from servobus.registers import Register
-from servobus.units import Choice, Flags, Quantity, shown
+from servobus.core.registers import Register
+from servobus.core.units import Choice, Flags, Quantity, shown
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -6,8 +6,8 @@ from typing import Any
 import click
 
 from servobus.cli.output import compact
+from servobus.traffic.events import Sight, Tally
 from servobus.traffic.recording import Direction
-from servobus.traffic.sights import Sight, Tally
 from servobus.traffic.tracker import Tracker
 
 ROW = 16

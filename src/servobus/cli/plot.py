@@ -5,9 +5,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from servobus.cli.response import Response, Sample
+from servobus.core.units import deg
 from servobus.errors import UsageError
-from servobus.response import Response, Sample
-from servobus.units import deg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

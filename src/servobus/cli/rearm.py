@@ -4,7 +4,7 @@ import click
 
 from servobus.cli.options import Where, find, on_servo, opened, verb
 from servobus.cli.output import warn_alarms
-from servobus.units import show
+from servobus.core.units import show
 
 
 @verb("rearm", "servobus rearm /dev/ttyUSB0 1", "servobus rearm virtual:drs0602@219 219")

@@ -7,8 +7,8 @@ import click
 from servobus import MODELS
 from servobus.cli.options import as_json, verb
 from servobus.cli.output import console, note, print_json
+from servobus.core.units import show, shown
 from servobus.families.base import Model
-from servobus.units import show, shown
 
 
 @verb("ports", "servobus ports", "servobus ports --json")

@@ -4,12 +4,12 @@ from typing import Any
 
 import click
 
-from servobus import models
 from servobus.cli.options import as_json, verb
 from servobus.cli.output import console, plain, print_json, text, unit
+from servobus.core.registers import Access, Address, Eep, EepRam, Pair, Ram, Register
+from servobus.core.units import Choice, Flags, Switch
+from servobus.families import registry
 from servobus.families.base import Model
-from servobus.registers import Access, Address, Eep, EepRam, Pair, Ram, Register
-from servobus.units import Choice, Flags, Switch
 
 ACCESS = {Access.READ: "read", Access.READ_WRITE: "read, write", Access.RESERVED: "reserved"}
 
@@ -28,7 +28,7 @@ def registers(model: str, names: tuple[str, ...], json: bool) -> None:
 
     Names in parentheses are aliases: a register has the same alias in all models that have it.
     """
-    table = models.model(model)
+    table = registry.model(model)
     rows = [table.register(name) for name in names] or list(table.registers.values())
     if json:
         print_json([describe(table, row) for row in rows])

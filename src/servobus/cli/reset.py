@@ -7,9 +7,9 @@ from pathlib import Path
 import click
 
 from servobus import ServobusError
+from servobus.cli.backup import write_backup
 from servobus.cli.options import Where, find, on_servo, opened, verb
 from servobus.cli.output import note
-from servobus.cli.settings import write_backup
 from servobus.errors import BadValue, UsageError
 
 KEEPABLE = ("id", "baud", "calibration")

@@ -9,9 +9,9 @@ import click
 from servobus import Bus
 from servobus.cli.options import Where, as_json, id_list, on_port, opened, verb
 from servobus.cli.output import console, note, print_json
-from servobus.procedures import Found, Progress, Survey, Trouble
-from servobus.procedures import scan as scan_procedure
-from servobus.protocols.ids import LAST_ID
+from servobus.core.ids import LAST_ID
+from servobus.jobs.procedures import Found, Progress, Survey, Trouble
+from servobus.jobs.procedures import scan as scan_procedure
 
 if TYPE_CHECKING:
     import rich.progress

@@ -20,11 +20,11 @@ from servobus.cli.packets import conclude, report
 from servobus.connect import FIRST_BAUD, transport
 from servobus.errors import BadValue, ServobusError, UsageError
 from servobus.traffic import recording
+from servobus.traffic.events import Sight
 from servobus.traffic.recording import Chunk, Direction, End, Entry, Header, Speed
-from servobus.traffic.sights import Sight
 from servobus.traffic.tracker import BITS, Tracker
 from servobus.transports.base import Transport
-from servobus.virtual.ports import LOOKOUT, PULSE, Terminal
+from servobus.virtual.serve.ports import LOOKOUT, PULSE, Terminal
 
 TURN = 0.001
 """s that one side is waited for where the two cannot be waited for together."""

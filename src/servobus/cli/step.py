@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import servobus
-from servobus import MODELS, BusServo, UsageError, deg, models
+from servobus import MODELS, BusServo, UsageError, deg
 from servobus.cli import plot
 from servobus.cli.move import halt
 from servobus.cli.options import (
@@ -26,15 +26,16 @@ from servobus.cli.options import (
     where_options,
 )
 from servobus.cli.output import note, print_json
+from servobus.cli.response import Response, Sample
+from servobus.core.ids import check_id
+from servobus.core.units import show, shown
 from servobus.errors import BadValue, ServobusError
-from servobus.procedures import SHORTEST
-from servobus.protocols.ids import check_id
-from servobus.response import Response, Sample
-from servobus.units import show, shown
+from servobus.families import registry
+from servobus.jobs.procedures import SHORTEST
 
 if TYPE_CHECKING:
-    from servobus.virtual.inprocess import VirtualPort
-    from servobus.virtual.servo import VirtualServo
+    from servobus.virtual.device.servo import VirtualServo
+    from servobus.virtual.serve.inprocess import VirtualPort
 
 GRAIN = 0.001
 """s between two samples of a virtual servo."""
@@ -125,7 +126,7 @@ def _virtual(
     voltage: float | None,
     motor: str | None,
 ) -> tuple[Response, str]:
-    model = models.model(name)
+    model = registry.model(name)
     options = {"clock": "virtual", "motor": motor, "load": load, "voltage": voltage}
     query = "&".join(f"{key}={value}" for key, value in options.items() if value is not None)
     with servobus.open(f"virtual:{model.key()}@1?{query}") as bus:

@@ -17,10 +17,10 @@ from servobus.cli.options import (
     verb,
 )
 from servobus.cli.output import note, warn_alarms
+from servobus.core.ids import BROADCAST, LAST_ID
 from servobus.errors import NoReply
 from servobus.families.base import Answers, Target
-from servobus.procedures import Progress, scan
-from servobus.protocols.ids import BROADCAST, LAST_ID
+from servobus.jobs.procedures import Progress, scan
 
 Ids = tuple[int | Literal["all"], ...]
 

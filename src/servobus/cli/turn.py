@@ -17,8 +17,8 @@ from servobus.cli.options import (
     verb,
 )
 from servobus.cli.output import note, warn_alarms
+from servobus.core.units import show
 from servobus.errors import BadValue, UsageError
-from servobus.units import show
 
 
 @verb(

@@ -7,16 +7,16 @@ from pathlib import Path
 
 import click
 
+from servobus.cli.live_table import Show
 from servobus.cli.options import BAUD, UnitType, stop_on_signals, verb
 from servobus.cli.output import note
-from servobus.cli.show import Show
 from servobus.cli.virtual_console import VirtualConsole, listen
 from servobus.errors import BadValue
-from servobus.virtual.drawer import open_drawer
-from servobus.virtual.faults import KINDS, NO_FAULTS, SETTINGS, Faults, explain
-from servobus.virtual.motor import NOTHING, Load
-from servobus.virtual.ports import serve_pty, serve_tcp
-from servobus.virtual.spec import Servos, Setup, parse_load, parse_specs
+from servobus.virtual.physics.motor import NOTHING, Load
+from servobus.virtual.serve.ports import serve_pty, serve_tcp
+from servobus.virtual.serve.rig import open_drawer
+from servobus.virtual.serve.spec import Servos, Setup, parse_load, parse_specs
+from servobus.virtual.wire.faults import KINDS, NO_FAULTS, SETTINGS, Faults, explain
 
 
 class LoadType(click.ParamType[Load]):

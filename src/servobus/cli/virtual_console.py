@@ -13,12 +13,12 @@ from collections.abc import Callable
 from typing import Final
 
 from servobus.cli.output import note
+from servobus.core.units import parse, show
 from servobus.errors import BadValue, ServobusError, UsageError
-from servobus.units import parse, show
-from servobus.virtual.drawer import Drawer
-from servobus.virtual.motor import NOTHING, Load
-from servobus.virtual.servo import VirtualServo
-from servobus.virtual.spec import check_temperature, check_voltage, parse_ids, parse_load, parse_specs
+from servobus.virtual.device.servo import VirtualServo
+from servobus.virtual.physics.motor import NOTHING, Load
+from servobus.virtual.serve.rig import Drawer
+from servobus.virtual.serve.spec import check_temperature, check_voltage, parse_ids, parse_load, parse_specs
 
 HELP: Final = """\
 load WHO mass=0.2 length=0.1    hang an arm on a shaft; also inertia, torque, down, tilt, blocked; none takes it off

@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from servobus.core.ids import LAST_ID
+from servobus.core.units import show
 from servobus.families.base import Family
-from servobus.protocols.ids import LAST_ID
-from servobus.units import show
 
 SHOWN = 3
 """Things of one kind that are told one by one."""

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from servobus.bus import Bus, BusServo
+from servobus.bus.blocking import Bus, BusServo
+from servobus.core.units import show
 from servobus.doctor.findings import Finding, Level, at, command, for_each, id_list, span
 from servobus.errors import BusError
-from servobus.units import show
 
 WARM = 10.0
 """°C below its limit from which on a servo counts as warm."""

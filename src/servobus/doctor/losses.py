@@ -6,10 +6,10 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from servobus.bus import Bus, BusServo
+from servobus.bus.blocking import Bus, BusServo
+from servobus.core.exchange import Exchange, Procedure
 from servobus.doctor.findings import Finding, Level, Watcher, twins
 from servobus.errors import BadChecksum, BusError, Garbled, NoReply, WrongReply
-from servobus.exchange import Exchange, Procedure
 
 T = TypeVar("T")
 

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from servobus.bus import Bus
+from servobus.bus.blocking import Bus
 from servobus.connect import VIRTUAL
 from servobus.doctor.findings import SHOWN, Finding, Level
-from servobus.transports import adapter as facts
+from servobus.transports import usb_adapter as facts
 
 RULES = "/etc/udev/rules.d/99-servobus.rules"
 

@@ -4,12 +4,12 @@ from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from servobus.bus import Bus, BusServo
+from servobus.bus.blocking import Bus, BusServo
+from servobus.core.ids import LAST_ID
 from servobus.doctor.findings import SHOWN, Finding, Level, Watcher, at, command, id_list, twins
 from servobus.errors import Garbled
 from servobus.families.base import Answers, Family
-from servobus.procedures import Found, Progress, Trouble
-from servobus.protocols.ids import LAST_ID
+from servobus.jobs.procedures import Found, Progress, Trouble
 
 Rounds = Sequence[tuple[Family, tuple[int, ...]]]
 """Families to ask, each with its speeds."""

@@ -9,12 +9,12 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import IntEnum
 from typing import Any, ClassVar, TypeVar
 
+from servobus.core.exchange import Exchange, Procedure, Reply, ask
+from servobus.core.framing import Framing, Packet
+from servobus.core.registers import Area, EepRam, Int, Register, RegisterMap
+from servobus.core.values import frozen
 from servobus.errors import BadValue, BusError, UsageError
-from servobus.exchange import Exchange, Procedure, Reply, ask
-from servobus.families.notes import Notes
-from servobus.framing import Framing, Packet
-from servobus.registers import Area, EepRam, Int, Register, RegisterMap
-from servobus.values import frozen
+from servobus.families.record import Notes
 
 T = TypeVar("T")
 

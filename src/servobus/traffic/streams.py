@@ -5,9 +5,9 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from servobus.core.framing import Corrupt, Decoder, Event, Noise, Packet
 from servobus.families.base import Family, Model
-from servobus.framing import Corrupt, Decoder, Event, Noise, Packet
-from servobus.models import FAMILIES, MODELS
+from servobus.families.registry import FAMILIES, MODELS
 from servobus.traffic.recording import Chunk, Direction
 
 

@@ -13,13 +13,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from servobus.exchange import Reply
+from servobus.core.exchange import Reply
+from servobus.core.framing import Corrupt, Event, Noise, Packet
 from servobus.families.base import Family, Model, Question
-from servobus.families.words import addressed, servo, show_bytes
-from servobus.framing import Corrupt, Event, Noise, Packet
-from servobus.models import FAMILIES, MODELS
+from servobus.families.explain import addressed, servo, show_bytes
+from servobus.families.registry import FAMILIES, MODELS
+from servobus.traffic.events import GRAIN, Kind, Sight, Tally, Trouble
 from servobus.traffic.recording import DIGITS, Chunk, Direction, End, Entry, Speed
-from servobus.traffic.sights import GRAIN, Kind, Sight, Tally, Trouble
 from servobus.traffic.streams import Mark, Stream, best, clearest, first_model, good
 
 QUIET = 0.05

@@ -18,9 +18,9 @@ from typing import Any
 import serial
 
 from servobus.errors import PortError, PortLost
-from servobus.transports import adapter
-from servobus.transports.adapter import Adapter
+from servobus.transports import usb_adapter
 from servobus.transports.base import Transport
+from servobus.transports.usb_adapter import Adapter
 
 if sys.platform != "win32":
     import fcntl
@@ -131,8 +131,8 @@ class SerialPort(Transport):
         self.close()
         name = self.name
         if self.adapter is not None and self.adapter.serial_number:
-            found = adapter.find_again(self.adapter)
-            if not adapter.is_device(name) or adapter.real_name(name) != found.device:
+            found = usb_adapter.find_again(self.adapter)
+            if not usb_adapter.is_device(name) or usb_adapter.real_name(name) != found.device:
                 name = found.device
         self._open(name)
         self.name = name
@@ -143,8 +143,8 @@ class SerialPort(Transport):
     # Opening
 
     def _open(self, name: str) -> None:
-        url, wired = "://" in name, adapter.is_wired(name)
-        if wired and (holders := adapter.holders(name)).others:
+        url, wired = "://" in name, usb_adapter.is_wired(name)
+        if wired and (holders := usb_adapter.holders(name)).others:
             # A second program on the same wire would garble both; not all of them lock the port.
             raise PortError(_in_use(name, holders))
         try:
@@ -168,7 +168,7 @@ class SerialPort(Transport):
         self.latency = NETWORK_LATENCY if url else LATENCY
         self.low_latency = _ask_for_low_latency(port)
         if wired:
-            self.adapter = adapter.adapter(name)
+            self.adapter = usb_adapter.adapter(name)
             self.timed = self.adapter is not None and self.adapter.driver in UARTS
             self.latency = (self.adapter and self.adapter.latency) or LATENCY
 
@@ -316,14 +316,14 @@ def _explain(name: str, error: Exception) -> str:
     if number == errno.EACCES or "Permission denied" in text or "PermissionError" in text:
         return f"{name}: {_not_permitted(name)}"
     if "exclusively lock" in text or number == errno.EBUSY:
-        return _in_use(name, adapter.holders(name))
+        return _in_use(name, usb_adapter.holders(name))
     if "Inappropriate ioctl" in text:
         return f"{name} is no serial port; `servobus ports` lists what is plugged in"
     return f"{name}: cannot be opened ({text})"
 
 
 def _not_permitted(name: str) -> str:
-    about = adapter.access(name)
+    about = usb_adapter.access(name)
     if about is None:
         return "in use by another program; end that first"  # Windows says so of ports that are open
     if about.allowed or not about.remedy:
@@ -333,5 +333,5 @@ def _not_permitted(name: str) -> str:
     return f"no permission{owner}: {about.remedy}{again}"
 
 
-def _in_use(name: str, holders: adapter.Holders) -> str:
+def _in_use(name: str, holders: usb_adapter.Holders) -> str:
     return f"{name}: in use by {holders}; end that first"

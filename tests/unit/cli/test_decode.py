@@ -4,7 +4,9 @@ from typing import Any
 
 import pytest
 
-from servobus.protocols import dynamixel1, herkulex, lewansoul
+from servobus.families.dynamixel import protocol as dynamixel1
+from servobus.families.herkulex import protocol as herkulex
+from servobus.families.lewansoul import protocol as lewansoul
 from unit.cli.conftest import Run
 
 PING = "FF FF 01 02 01 FB"

@@ -5,7 +5,7 @@ import pytest
 from serial.tools import list_ports
 
 from servobus import MODELS
-from servobus.registers import Address
+from servobus.core.registers import Address
 from unit.cli.conftest import Run
 
 

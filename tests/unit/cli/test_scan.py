@@ -4,10 +4,11 @@ from typing import Any
 
 import pytest
 
-from servobus import RX28, Garbled, procedures
-from servobus.exchange import Pause, Procedure
+from servobus import RX28, Garbled
+from servobus.core.exchange import Pause, Procedure
 from servobus.families.base import Family
-from servobus.procedures import Survey, Trouble
+from servobus.jobs import procedures
+from servobus.jobs.procedures import Survey, Trouble
 from unit.cli.conftest import ALL, LX, RX, Run
 
 
@@ -90,7 +91,7 @@ def test_what_was_found_before_ctrl_c_is_told(run: Run, monkeypatch: pytest.Monk
             raise KeyboardInterrupt
         return find(family, id, *rest)
 
-    monkeypatch.setattr("servobus.procedures._met", interrupted)
+    monkeypatch.setattr("servobus.jobs.procedures._met", interrupted)
     result = run("scan", RX, "--family", "dynamixel", "--json")
     assert [one["id"] for one in json.loads(result.stdout)] == [1]
     assert "stopped; this is what was found so far" in result.stderr

@@ -105,7 +105,7 @@ def test_what_cannot_be_served(refused: Callable[..., str], tmp_path: Path) -> N
 
 
 def test_demo(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("servobus.cli.dance.APPROACH", 0.6)
+    monkeypatch.setattr("servobus.cli.demo_motion.APPROACH", 0.6)
     text = run("demo", "--seconds", "0.5").stdout
     for title in ("RX-28 id 4", "DRS-0602 id 220", "LX-16A id 3"):
         assert f"{title} at " in text

@@ -9,9 +9,9 @@ import pytest
 
 from servobus import deg
 from servobus.cli.virtual_console import HELP, VirtualConsole, describe, listen
-from servobus.virtual.drawer import Drawer, open_drawer
-from servobus.virtual.motor import Load
-from servobus.virtual.spec import Setup, parse_specs
+from servobus.virtual.physics.motor import Load
+from servobus.virtual.serve.rig import Drawer, open_drawer
+from servobus.virtual.serve.spec import Setup, parse_specs
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo terminals and pipes as on POSIX")
 

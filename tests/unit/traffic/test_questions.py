@@ -4,10 +4,10 @@ DRS-0602 manual 4-2 NO 8 (ACK Policy), 5-2; LewanSoul manual 3 and 4."""
 import pytest
 
 from golden.golden import load
-from servobus.exchange import Reply
+from servobus.core.exchange import Reply
+from servobus.core.framing import Packet
 from servobus.families.base import Question
-from servobus.framing import Packet
-from servobus.models import FAMILIES
+from servobus.families.registry import FAMILIES
 
 GOLDEN = {(family, case.name): case.packet for family in FAMILIES for case in load(family)}
 

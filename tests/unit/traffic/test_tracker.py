@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import pytest
 
 from golden.golden import load
-from servobus.models import DRS0602, FAMILIES, LX16A, RX28
+from servobus.families.registry import DRS0602, FAMILIES, LX16A, RX28
+from servobus.traffic.events import Kind, Sight, Tally, Trouble
 from servobus.traffic.recording import Chunk, Direction, Entry, Speed
-from servobus.traffic.sights import Kind, Sight, Tally, Trouble
 from servobus.traffic.tracker import PATIENCE, QUIET, Tracker
 
 GOLDEN = {(family, case.name): case.packet for family in FAMILIES for case in load(family)}

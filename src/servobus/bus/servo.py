@@ -1,0 +1,385 @@
+"""A servo: its id, its model, and the jobs one can ask of it.
+
+`Servo` builds jobs and performs none. The drivers bind it: on their servos each operation carries its job
+out and gives the result, or an awaitable of it.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from enum import IntFlag
+from typing import Any, TypeVar
+
+from servobus.core.exchange import Exchange, Job, Procedure, ask
+from servobus.core.operation import Operation
+from servobus.core.registers import Register
+from servobus.core.units import Flags
+from servobus.core.values import replace
+from servobus.errors import Restarted, UsageError
+from servobus.families.base import Answers, Family, Model, Target
+from servobus.families.record import Notes, SafeAction, check_max_step
+from servobus.jobs import procedures, reconfigure
+from servobus.jobs.backup import Backup, backup, restore
+from servobus.jobs.procedures import Course, State
+from servobus.safety.safe_stop import check_safe_action
+
+T = TypeVar("T")
+
+
+class Servo:
+    """One servo on a bus.
+
+    `state` is what was last seen of it (None before the first look), `alarms` the alarm bits of its last
+    reply, `latched` all that were seen since it was last rearmed. Printing a servo shows them; it asks nothing.
+    `notes` is what we wrote to it, and the limits of what may be written.
+    """
+
+    def __init__(self, target: Target, baud: int, firmware: str = "") -> None:
+        self.notes = target.notes or Notes()
+        self.target = replace(target, notes=self.notes)
+        self.baud = baud
+        self.firmware = firmware
+        self.state: State | None = None
+        self.alarms: int = 0
+        self.latched: int = 0
+        self._asked: Target | None = None
+        self._questions: dict[Register[Any], Exchange[Any]] = {}
+        """Questions for single registers, made when first asked, for `_asked`."""
+
+    @property
+    def id(self) -> int:
+        return self.target.id
+
+    @property
+    def model(self) -> type[Model]:
+        return self.target.model
+
+    @property
+    def family(self) -> Family:
+        return self.target.model.family
+
+    @property
+    def eeprom_writes(self) -> int:
+        """Values that were really written to the EEPROM; those it had already are not among them."""
+        return self.notes.eeprom_writes
+
+    @property
+    def restarted(self) -> bool:
+        """Whether `verify` found that it lost its RAM; until `torque_on` or `rearm` it is not moved."""
+        return self.notes.restarted
+
+    @property
+    def max_step(self) -> float | None:
+        """Farthest that one goal may lie from where the servo is, rad; None for no limit.
+
+        Goals beyond it are refused with BadValue, by moves and by writes of a goal position.
+        """
+        return self.notes.max_step
+
+    @max_step.setter
+    def max_step(self, step: float | None) -> None:
+        self.notes.max_step = check_max_step(step)
+
+    @property
+    def safe_action(self) -> SafeAction:
+        """What is done with the servo on Ctrl-C, SIGTERM, a crash, or a trip of the watch, if this bus has driven it.
+
+        "hold" ends its motion and holds the present position, "free" switches the torque off, "brake" shorts its motor
+        (HerkuleX only; UsageError elsewhere).
+        """
+        return self.notes.safe_action or "hold"
+
+    @safe_action.setter
+    def safe_action(self, action: SafeAction) -> None:
+        self.notes.safe_action = check_safe_action(action, [self.target])
+
+    # Who and what
+
+    @Operation
+    def ping(self) -> Job[None]:
+        """Ask whether the servo is there. Raises NoReply."""
+        return self.family.ping(self.id)
+
+    @Operation
+    def look(self) -> Procedure[State]:
+        """Read position, voltage, temperature and torque; the result is kept in `state`."""
+        self.state = yield from procedures.look(self.target)
+        return self.state
+
+    @Operation
+    def read_alarms(self) -> Procedure[int]:
+        """Ask which alarms stand now; they are kept in `alarms` and `latched` too.
+
+        No packet of an LX-16A tells them: its temperature and supply are compared with its limits there.
+        """
+        alarms = yield from self.family.read_alarms(self.target)
+        self.note_alarms(alarms)
+        return alarms
+
+    def note_alarms(self, alarms: int) -> None:
+        """Take note of the alarm bits of a reply."""
+        self.alarms = alarms
+        self.latched |= alarms
+
+    def clear_latched(self) -> None:
+        """Forget the alarms that are over. Asks nothing, and clears nothing in the servo; `rearm` does."""
+        self.latched = self.alarms
+
+    @Operation
+    def verify(self) -> Procedure[None]:
+        """Make sure that the servo still has in RAM what was written there, the torque included.
+
+        Raises Restarted if not. Then it is not moved until `torque_on` or `rearm`. Only writes of this object are
+        known; without any there is nothing to tell a restart by.
+        """
+        try:
+            yield from procedures.verify(self.target)
+        except Restarted:
+            self.state = None
+            yield from self._meet_again(self.id)
+            raise
+
+    # Registers
+
+    @Operation
+    def read(self, register: Register[T]) -> Job[T]:
+        """Read one register, in its unit: `servo.read(RX28.present_position)` gives radians."""
+        if self._asked is not self.target:
+            self._asked, self._questions = self.target, {}
+        question = self._questions.get(register)
+        if question is None:
+            question = self._questions[register] = self._question(self._own(register))
+        return question
+
+    @Operation
+    def read_many(self, registers: Sequence[Register[Any]]) -> Procedure[dict[str, Any]]:
+        """Read several registers in as few exchanges as possible; gives name -> value."""
+        values = yield from ask(self.family.read(self.target, [self._own(register) for register in registers]))
+        return {register.name: register.decode(raw) for register, raw in zip(registers, values, strict=True)}
+
+    @Operation
+    def read_raw(self, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+        """Read several registers as raw integers."""
+        return self.family.read(self.target, [self._own(register) for register in registers])
+
+    @Operation
+    def write(self, register: Register[T], value: T) -> Procedure[None]:
+        """Write one register so that it acts at once. Raises BadValue before anything is sent.
+
+        A register in EEPROM is read first, and written only if it differs; after ten writes within a minute
+        EepromWear is raised.
+        """
+        return self._write({self._own(register): register.encode(value)})
+
+    @Operation
+    def write_many(self, values: Mapping[Register[Any], Any]) -> Procedure[None]:
+        """Write several registers in as few exchanges as possible. Raises BadValue before anything is sent."""
+        return self._write({self._own(register): register.encode(value) for register, value in values.items()})
+
+    @Operation
+    def write_raw(self, values: Mapping[Register[Any], int]) -> Procedure[None]:
+        """Write raw integers. Raises BadValue before anything is sent."""
+        return self._write({self._own(register): register.check(raw) for register, raw in values.items()})
+
+    @Operation
+    def store(self, values: Mapping[Register[Any], Any]) -> Procedure[None]:
+        """Write registers so that they survive power-off. Raises BadValue before anything is sent."""
+        raw = {self._own(register): register.encode(value) for register, value in values.items()}
+        return self._write(raw, keep=True)
+
+    # Motion
+
+    @Operation
+    def start_move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> Procedure[Course]:
+        """Start a move and give what is needed to wait for its end; see `move`."""
+        course = yield from procedures.plan({self.target: angle}, time=time, speed=speed)
+        procedures.require_torque([course])
+        yield from procedures.launch(course)
+        return course
+
+    @Operation
+    def torque_on(self) -> Procedure[None]:
+        """Switch the torque on; the goal becomes the present position first, so that nothing jumps."""
+        self.notes.go()
+        yield from self.family.torque(self.target, on=True)
+
+    @Operation
+    def torque_off(self) -> Procedure[None]:
+        """Switch the torque off: the shaft turns freely."""
+        yield from self.family.torque(self.target, on=False)
+        self.notes.rest()
+
+    @Operation
+    def rearm(self) -> Procedure[None]:
+        """Switch the torque on again after the servo itself has switched it off, by the rule of its family.
+
+        Nothing jumps: the goal becomes the present position first. Raises Refused, with the alarms as `flags`, if the
+        cause is still there; then the torque stays off.
+        """
+        self.notes.go()
+        yield from self.family.rearm(self.target)
+        self.note_alarms((yield from self.family.read_alarms(self.target)))
+        self.latched = self.alarms
+        self.notes.restarted = False
+
+    @Operation
+    def stop(self) -> Procedure[None]:
+        """End the motion and hold the present position."""
+        yield from self.family.stop(replace(self.target, notes=None))  # no limit of one step stands against it
+        self.notes.held = True
+
+    @Operation
+    def turn(self, *, speed: float | None = None, output: float | None = None) -> Procedure[None]:
+        """Turn without end. `speed` in rad/s (HerkuleX) or `output` as a share -1 .. 1 (RX-28, LX-16A)."""
+        self._go()
+        yield from self.family.turn(self.target, speed=speed, output=output)
+
+    @Operation
+    def position_mode(self, limits: tuple[float, float] | None = None) -> Procedure[None]:
+        """Come back from `turn` and hold the present position.
+
+        An RX-28 turns without end because its angle limits are 0; `limits` (rad) are the ones to set again,
+        the full range by default.
+        """
+        raw = None
+        if limits is not None:
+            low, high = (self.model.register(name) for name in ("min_position", "max_position"))
+            raw = low.encode(limits[0]), high.encode(limits[1])
+        self._go()
+        yield from self.family.position_mode(self.target, raw)
+
+    @Operation
+    def led(self, colour: str) -> Procedure[None]:
+        """Set the light: "on", "off", or a colour where the model has one."""
+        return self.family.led(self.target, colour)
+
+    # Identity and life
+
+    @Operation
+    def reboot(self) -> Procedure[None]:
+        """Restart the servo: RAM registers get their start values, torque goes off."""
+        yield from self.family.reboot(self.target)
+        self.notes.rest()
+        yield from self._meet_again(self.id)
+
+    @Operation
+    def reset(self, *, keep: frozenset[str] = frozenset()) -> Procedure[None]:
+        """Restore factory settings, less what is kept ("id", "baud", "calibration").
+
+        Raises UsageError if another servo has the factory id that this one would get.
+        """
+        end = yield from reconfigure.reset(self.target, self.baud, keep)
+        self._follow(end.id, end.baud)
+        self.notes.forget()
+        self.notes.rest()
+        yield from self._meet_again(self.id)
+
+    @Operation
+    def change_id(self, id: int) -> Procedure[None]:
+        """Give the servo another id. Raises UsageError if some servo answers to it already.
+
+        If the line fails on the way the servo is looked for under both ids: BusError says that it has the old one,
+        NoReply that it has neither. The id here is the one under which it was found.
+        """
+        yield from reconfigure.change_id(self.target, self.baud, id)
+        self._follow(id, self.baud)
+
+    @Operation
+    def change_baud(self, baud: int) -> Procedure[None]:
+        """Set the servo to another speed and check that it answers there; see `change_id` for a line that fails."""
+        yield from reconfigure.change_baud(self.target, self.baud, baud)
+        self._follow(self.id, baud)
+        yield from self._meet_again(self.id)
+
+    @Operation
+    def backup(self) -> Procedure[Backup]:
+        """Read all settings that survive power-off."""
+        return backup(self.target, self.firmware, self.baud)
+
+    @Operation
+    def restore(self, saved: Backup) -> Procedure[list[str]]:
+        """Write the settings of a backup that differ; gives their names. Id and speed stay as they are.
+
+        Raises UsageError for a backup of another model, before anything is written.
+        """
+        return restore(self.target, saved)
+
+    # Printing
+
+    def alarm_text(self) -> str:
+        """Say the alarms of the last reply: "overheating+overload", or "" if there are none."""
+        return self._flags_text(self.alarms)
+
+    def __str__(self) -> str:
+        text = f"{self.model.title} id {self.id} at {self.baud}"
+        if self.state is not None:
+            text += f": {self.state}"
+        if self.alarms:
+            text += f", ALARM {self.alarm_text()}"
+        if over := self.latched & ~self.alarms:
+            text += f", had ALARM {self._flags_text(over)}"
+        if self.restarted:
+            text += ", RESTARTED"
+        return text
+
+    def __repr__(self) -> str:
+        return f"<{self}>"
+
+    def _meet_again(self, id: int) -> Procedure[None]:
+        """Learn by what policy the servo answers now that it may have restarted."""
+        identity = yield from procedures.identify_at(self.family, id, self.baud)
+        self.target = replace(self.target, id=id, answers=identity.answers)
+
+    def _follow(self, id: int, baud: int) -> None:
+        """Take note of where the servo is now."""
+        self.target = replace(self.target, id=id)
+        self.baud = baud
+
+    @staticmethod
+    def _flags_text(flags: int) -> str:
+        if not flags:
+            return ""
+        return Flags(type(flags)).show(flags) if isinstance(flags, IntFlag) else hex(flags)
+
+    def _question(self, register: Register[T]) -> Exchange[T]:
+        """Make the one exchange that reads one register."""
+        reading = self.family.reading(self.target, [register])
+        (exchange,), ((_, part, layout),) = reading.exchanges, reading.places
+        answer, unpack, decode = exchange.interpret, layout.unpacker(), register.scale.decode
+        return exchange.giving(lambda packet: decode(unpack(answer(packet)[part])))
+
+    def _own(self, register: Register[T] | str) -> Register[T]:
+        if isinstance(register, str):
+            row = self.model.register(register)
+            raise UsageError(f"{register!r} is a name: write {self.model.__name__}.{row.name}, the register itself")
+        if self.model.registers.get(register.name) is not register:
+            raise UsageError(f"{register.model} {register.name} is not a register of {self.model.title}")
+        return register
+
+    def _no_identity(self, registers: Iterable[Register[Any]]) -> None:
+        """Refuse what would lose the servo. Raises UsageError."""
+        verbs = {"id": "change_id", self.model.aliases.get("baud", "baud"): "change_baud"}
+        for register in registers:
+            if verb := verbs.get(register.name):
+                raise UsageError(
+                    f"{self.target}: a write of {register.name} would lose the servo; use {verb}(), "
+                    "which makes sure that it is found again"
+                )
+
+    def _write(self, raw: Mapping[Register[Any], int], *, keep: bool = False) -> Procedure[None]:
+        self._no_identity(raw)
+        torque = self.model.register("torque_enable")
+        if self.family.sets_going(self.target, raw):
+            self._go(waking=torque in raw)
+        yield from (self.family.store if keep else self.family.write)(self.target, raw)
+        # From now on the servo answers by the new policy.
+        level = self.model.aliases.get("answer_level", "answer_level")
+        for register, value in raw.items():
+            if register.name == level:
+                self.target = replace(self.target, answers=Answers(value))
+        if torque in raw and not self.family.torque_on(raw[torque]):
+            self.notes.rest()
+
+    def _go(self, *, waking: bool = False) -> None:
+        """Take note that it is set in motion. Raises Stopped if it must not be, Restarted if that would wake it up."""
+        if self.restarted and not waking:
+            raise Restarted(f"{self.target} has restarted, and is not moved before torque_on() or rearm()")
+        self.notes.go()

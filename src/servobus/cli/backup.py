@@ -1,0 +1,94 @@
+"""`backup` and `restore`: the settings of a servo as a file."""
+
+from pathlib import Path
+
+import click
+
+from servobus import Bus, BusServo, ServobusError
+from servobus.cli.options import Where, find, on_servo, opened, verb
+from servobus.cli.output import note, text
+from servobus.errors import UsageError
+from servobus.jobs.backup import Backup
+
+
+@verb(
+    "backup",
+    "servobus backup /dev/ttyUSB0 1",
+    "servobus backup /dev/ttyUSB0 1 elbow.toml",
+    "servobus backup /dev/ttyUSB0 1 - | less",
+)
+@on_servo
+@click.argument("file", required=False)
+@click.option("--force", is_flag=True, help="Replace FILE if it exists.")
+def backup(port: str, id: int, where: Where, file: str | None, force: bool) -> None:
+    """Save the settings of the servo ID on PORT that survive power-off to FILE.
+
+    Without FILE a name like rx28-id1.toml is chosen; `-` prints it. The file is TOML, with the meaning of
+    each value beside it. Backups are not replaced unless --force says so.
+    """
+    with opened(port) as bus:
+        saved = find(bus, where, id).backup()
+    if file == "-":
+        click.echo(saved.text(), nl=False)
+        return
+    path = Path(file or f"{saved.model.key()}-id{saved.id}.toml")
+    write_backup(saved, path, force=force, otherwise="choose another name, or replace it with --force")
+    click.echo(f"{len(saved.values)} settings of {saved.model.title} id {saved.id} saved to {path}")
+
+
+@verb("restore", "servobus restore /dev/ttyUSB0 1 elbow.toml", "servobus restore /dev/ttyUSB0 1 elbow.toml --yes")
+@on_servo
+@click.argument("file")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+def restore(port: str, id: int, where: Where, file: str, yes: bool) -> None:
+    """Write the settings in FILE to the servo ID on PORT, after showing what would change.
+
+    Id and speed stay as they are, so that a backup can go into a replacement.
+    """
+    saved = read_backup(Path(file))
+    with opened(port) as bus:
+        servo = find(bus, where, id)
+        changes = show_changes(bus, servo, saved)
+        if not changes:
+            click.echo(f"{servo.target} has these settings already")
+            return
+        if not yes and not click.confirm(f"write {'it' if changes == 1 else f'these {changes}'}?"):
+            raise ServobusError("nothing was changed")
+        names = servo.restore(saved)
+        click.echo(f"{servo.target}: restored {', '.join(names)}")
+
+
+def write_backup(saved: Backup, path: Path, *, force: bool = False, otherwise: str = "choose another name") -> None:
+    """Write a backup file, replacing none. Raises UsageError, with what can be done otherwise."""
+    try:
+        with path.open("w" if force else "x", encoding="utf-8") as file:
+            file.write(saved.text())
+    except FileExistsError:
+        raise UsageError(f"{path} exists already and is not replaced; {otherwise}") from None
+
+
+def read_backup(path: Path) -> Backup:
+    """Read a backup file. Raises UsageError."""
+    try:
+        return Backup.parse(path.read_text(encoding="utf-8"))
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}") from None
+    except UnicodeDecodeError:
+        raise UsageError(f"{path}: this is not a backup file: it is no text") from None
+
+
+def show_changes(bus: Bus, servo: BusServo, saved: Backup) -> int:
+    """Print what restoring would change; give the number of settings. Raises UsageError for another model."""
+    if saved.model is not servo.model:
+        raise UsageError(f"the backup is of a {saved.model.title}, {servo.target} is another model")
+    skip = {"id", saved.model.aliases.get("baud", "baud")}
+    rows = [saved.model.registers[name] for name in saved.values if name not in skip]
+    present = bus.do(servo.family.read_stored(servo.target, rows), baud=servo.baud)
+    count = 0
+    for row, raw in zip(rows, present, strict=True):
+        if raw != saved.values[row.name]:
+            click.echo(f"  {row.name}: {text(row, raw)} -> {text(row, saved.values[row.name])}")
+            count += 1
+    if saved.id != servo.id:
+        note(f"the backup is of id {saved.id}; the id stays {servo.id}")
+    return count

@@ -1,0 +1,142 @@
+"""`servobus virtual --show`: every servo of the drawer in a table that lives.
+
+A thread draws; the looks at the servos are taken between two events of the bus, few at a time, so that no answer
+waits for them. The table goes to standard error: standard output is for programs that wait for `ready`.
+"""
+
+import math
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from servobus.virtual.device.snapshot import Glance, glance
+from servobus.virtual.serve.rig import Drawer
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+    from rich.text import Text
+
+PERIOD = 0.1
+"""s between two pictures."""
+SHARE = 0.2
+"""Of the processor, that drawing may take: large tables are drawn less often."""
+BUDGET = 0.001
+"""s after which the looks at the servos let the bus have its turn."""
+SWITCH = 0.0005
+"""s after which Python takes the processor from the thread that draws; its 5 ms could be felt on the bus."""
+AROUND = 6
+"""Lines of the terminal beside those of the servos."""
+
+_COLOURS = {
+    "on": "bright_white", "red": "red", "green": "green", "blue": "bright_blue", "green+red": "yellow",
+    "blue+green": "cyan", "blue+red": "magenta", "blue+green+red": "bright_white",
+}  # fmt: skip
+"""What a light shows, its colours in the order of the alphabet -> how a terminal shows it."""
+
+
+class Show:
+    """Draws a drawer that is being served until `stop`; what `say` is told stands below."""
+
+    def __init__(self, drawer: Drawer, stop: threading.Event, console: "Console | None" = None) -> None:
+        self.drawer = drawer
+        self._stop = stop
+        self._console = console
+        self._name = self._said = ""
+        self._thread = threading.Thread(target=self._run, name="show", daemon=True)
+
+    def say(self, text: str) -> None:
+        """Have a line or more stand below the table."""
+        self._said = text
+
+    def start(self, name: str) -> None:
+        """Begin to draw; the servos are served under this name."""
+        self._name = name
+        sys.setswitchinterval(SWITCH)
+        self._thread.start()
+
+    def join(self) -> None:
+        """Wait until the last picture is drawn, after `stop`."""
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def look(self, timeout: float = 5.0) -> list[Glance]:
+        """Look at all servos; empty if nobody serves them for so long, or `stop` is set."""
+        servos, seen, done = self.drawer.servos, list[Glance](), threading.Event()
+
+        def some(now: float) -> None:
+            started = time.monotonic()
+            while len(seen) < len(servos) and time.monotonic() - started < BUDGET:
+                servo = servos[len(seen)]
+                servo.advance(now)
+                seen.append(glance(servo))
+            if len(seen) < len(servos):
+                self.drawer.post(some)
+            else:
+                done.set()
+
+        self.drawer.post(some)
+        deadline = time.monotonic() + timeout
+        while not done.wait(0.05):
+            if self._stop.is_set() or time.monotonic() > deadline:
+                return []
+        return seen
+
+    def _run(self) -> None:
+        from rich.console import Console  # noqa: PLC0415 - rich is slow to import and not always wanted
+        from rich.live import Live  # noqa: PLC0415
+
+        console = self._console or Console(file=sys.stderr, highlight=False, emoji=False)
+        with Live(console=console, auto_refresh=False, transient=False, redirect_stdout=False) as live:
+            while not self._stop.is_set():
+                due = time.monotonic() + PERIOD
+                seen = self.look()
+                started = time.monotonic()
+                if seen:
+                    rows = max(1, console.height - AROUND - self._said.count("\n"))
+                    live.update(picture(seen, self._name, self._said, rows), refresh=True)
+                now = time.monotonic()
+                self._stop.wait(max(due - now, (now - started) * (1 / SHARE - 1)))
+
+
+def picture(servos: Sequence[Glance], name: str = "", said: str = "", rows: int = 1000) -> "RenderableType":
+    """Draw servos, at most so many, for a terminal of 80 columns or more."""
+    from rich.console import Group  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+    from rich.text import Text  # noqa: PLC0415
+
+    table = Table(box=None, padding=(0, 1, 0, 0), expand=True, header_style="bold", pad_edge=False)
+    for header, width in (("servo", 8), ("id", 3), ("angle", 8), ("speed", 9), ("duty", 6), ("current", 7), ("°C", 3)):
+        table.add_column(header, width=width, justify="left" if header == "servo" else "right", no_wrap=True)
+    table.add_column("light", width=12, no_wrap=True, overflow="ellipsis")
+    table.add_column("errors", ratio=1, min_width=8, overflow="ellipsis", no_wrap=True)
+    for one in servos[:rows]:
+        table.add_row(
+            one.title,
+            str(one.id),
+            f"{math.degrees(one.angle) + 0.0:.1f}°",
+            f"{math.degrees(one.speed) + 0.0:.0f}°/s",
+            "off" if not one.powered else "free" if one.duty is None else f"{100 * one.duty + 0.0:.0f} %",
+            f"{one.current + 0.0:.2f} A",
+            f"{one.temperature:.0f}",
+            light(one.led),
+            Text(", ".join(one.errors), style="bold red"),
+        )
+    supplies = dict.fromkeys(f"{one.voltage:.2f} V" for one in servos)  # each of them once
+    head = f"{name}   supply {', '.join(supplies)}"
+    parts: list[RenderableType] = [Text(head.strip(), style="dim"), table]
+    if len(servos) > rows:
+        parts.append(Text(f"... and {len(servos) - rows} more", style="dim"))
+    if said:
+        parts.append(Text(said))
+    return Group(*parts)
+
+
+def light(led: str) -> "Text":
+    """Draw a light in its colour."""
+    from rich.text import Text  # noqa: PLC0415
+
+    if led == "off":
+        return Text("○ off", style="dim")
+    return Text(f"● {led}", style=_COLOURS.get("+".join(sorted(led.split("+"))), "bright_white"))

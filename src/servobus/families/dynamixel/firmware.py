@@ -1,0 +1,492 @@
+"""The firmware of servos with Dynamixel protocol 1.0, as the RX-28 manual describes it.
+
+Section numbers are those of the RX-28 user's manual, ED entries and D numbers those of this project's
+notes in docs/decisions.md.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+from servobus.core.framing import Corrupt, Packet
+from servobus.core.ids import BROADCAST
+from servobus.core.registers import Address, Register
+from servobus.families.base import Answers
+from servobus.families.dynamixel.control import (
+    LEVELS,
+    OVERLOAD_TIME,
+    Approach,
+    arrived,
+    endless,
+    strained,
+    width,
+)
+from servobus.families.dynamixel.protocol import (
+    CLOCK,
+    FRAMING,
+    Action,
+    Code,
+    Error,
+    Ping,
+    ReadData,
+    RegWrite,
+    Reset,
+    SyncWrite,
+    WriteData,
+    parse_instruction,
+)
+from servobus.families.dynamixel.verbs import Dynamixel1
+from servobus.virtual.device.memory import TABLE
+from servobus.virtual.device.servo import Replies, VirtualServo
+
+TURN = 2 * math.pi
+FULL = 1023
+"""Full output, and the largest position (3-4-1 Max Torque, 3-4-2 Goal Position)."""
+OPEN = range(24, 36)
+"""Addresses that can be written while Lock is on (3-4-2 Lock)."""
+OK = Error(0)
+
+_parse = lru_cache(maxsize=16)(parse_instruction)
+"""All servos of a line hear the same SYNC_WRITE."""
+
+FLICKER = 0.5
+"""s; assumption: one on and off of a light that flickers."""
+HOLD = 2.0
+"""s that the alarm light flickers on after recovery (3-4-1 Alarm LED)."""
+BLINK = 0.25
+"""s; assumption: how long the light is on at power-on (2-4 only says that it flickers once)."""
+LOOK = 0.010
+"""s between two looks at supply and temperature; assumption."""
+STILL = 0.050
+"""s after which a shaft that does not turn counts as standing; assumption."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What the registers ask of the control loop, in the units of servobus.families.dynamixel.control."""
+
+    torque: bool
+    endless: bool
+    goal: int
+    step: float  # of the set point, position units per tick; infinite without speed control
+    share: float  # Moving Speed in endless turn
+    limit: float
+    punch: float
+    cw: tuple[int, int]  # margin and slope on the clockwise side of the goal
+    ccw: tuple[int, int]
+    voltages: tuple[int, int]
+    hottest: int
+
+
+class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
+    """Goal Position and the shaft while the torque is off: the manual does not say what becomes of the goal.
+
+    ROBOTIS says that it follows the shaft that is turned by hand, so that nothing jumps when the torque is
+    switched on; D-58 has it that a goal written with the torque off is kept and used. Both hold here: the
+    goal becomes the present position when the torque goes off and whenever the shaft is turned; a goal
+    that is written stays until then.
+
+    An overload can be seen only while the motor pushes. So after a shutdown its error stays until Torque Limit or
+    Torque Enable is written; without a shutdown it ends when the load gives way (assumption).
+    """
+
+    tick = 0.002
+    """s; assumption: the manual gives no figure for the control loop."""
+
+    # Where the manual is silent, or where others report something else. Set them on a servo or on the class.
+    slope_levels: Sequence[tuple[int, int]] = LEVELS
+    """What Compliance Slope acts as (ED-13); EMANUAL_LEVELS is the other reading."""
+    sides_swapped = False
+    """Whether the clockwise margin and slope act where the goal is clockwise of the shaft (ED-17)."""
+    goal_enables_torque = False
+    """Whether a written Goal Position sets Torque Enable, as is told of servos of this family."""
+    overload_time: float = OVERLOAD_TIME
+    """s that a load is too much before it is an overload; infinite for never."""
+
+    firmware_version = 8
+    """As in the answer that 3-5-8 Example 6 prints."""
+
+    garbage_timeout = 0.1
+    """Longest pause between two bytes of a packet (appendix, Byte to Byte Time)."""
+
+    _kept: tuple[int, bytes] | None = None
+    """The write that waits for ACTION: address and bytes."""
+    _followed: int | None = None
+    """Position that the goal followed last; None while the torque is on."""
+    _flicker_until = -math.inf
+    _now: Settings
+    _made_of: tuple[object, ...] = ()
+    """The registers, and options, of which `_now` was made."""
+
+    # Life
+
+    def start(self) -> None:
+        self._rows_by_address = {
+            row.place.address: row for row in self.model.registers.values() if isinstance(row.place, Address)
+        }
+        self._reserved = [
+            row for row in self._rows_by_address.values() if row.name.startswith("reserved") and row.writable
+        ]
+        self._kept = self._followed = None
+        self._flicker_until = -math.inf
+        self._units: float = 1 / self.row("present_position").decode(1)
+        """Position units per rad."""
+        self._per_volt: float = 1 / self.row("present_voltage").decode(1)
+        self._whole = TURN * self._units
+        self._approach = Approach(self._measure)
+        self._drives = self._moving = self._overloaded = False
+        self._strained = self._stood = 0
+        """Looks for which the load was too much; for which the shaft stood."""
+        self._stands_at = math.nan
+        self._until_look = self._period = max(1, round(LOOK / self.tick))
+        self._made_of = ()
+        self.put("firmware_version", self.firmware_version)
+        self.put("torque_limit", self.get("max_torque"))  # 3-4-1 Max Torque
+        self._listen()
+        self._follow_shaft()
+        self._settings()
+
+    def advance(self, now: float) -> None:
+        super().advance(now)
+        if self.powered and not self._now.torque:
+            self._follow_shaft()
+
+    @property
+    def led(self) -> str:
+        if not self.powered:
+            return "off"
+        on = self.get("led") == 1
+        if self.time < self._flicker_until:
+            on = self.time % FLICKER < FLICKER / 2
+        elif self.time < self.started + BLINK:
+            on = True
+        return "red" if on else "off"
+
+    def _listen(self) -> None:
+        """Listen to what id and baud rate say."""
+        self.id = self.get("id")
+        self.baud = CLOCK / (self.get("baud_rate") + 1)
+
+    # Packets
+
+    def hear(self, event: Packet | Corrupt, now: float) -> Replies:
+        packet = event.packet if isinstance(event, Corrupt) else event
+        if packet.code == Code.SYNC_WRITE and packet.id != BROADCAST:
+            return []  # D-50
+        # The reply obeys the settings that the instruction found: old id, old level, old delay (ED-04, D-25).
+        id, answered = self.id, self._answers(packet)
+        delay: float = self.row("return_delay_time").decode(self.get("return_delay_time"))
+        if isinstance(event, Corrupt):
+            answered = answered and packet.code != Code.PING  # 3-5-5
+            error, data = Error.CHECKSUM, b""
+        else:
+            error, data = self._obey(packet)
+        if error:
+            self._alarm(error, now)
+        return [(delay, FRAMING.frame(Packet(id, error | self.alarms, data)))] if answered else []
+
+    def _answers(self, packet: Packet) -> bool:
+        level = self.get("status_return_level")
+        if packet.id == BROADCAST:
+            return False  # ED-19
+        if packet.code == Code.PING:
+            return True
+        return level >= (Answers.READS if packet.code == Code.READ_DATA else Answers.EVERYTHING)
+
+    def _obey(self, packet: Packet) -> tuple[Error, bytes]:
+        """Carry out an instruction; give what went wrong, and the data to answer."""
+        try:
+            instruction = _parse(packet)
+        except ValueError:
+            return Error.INSTRUCTION, b""
+        match instruction:
+            case ReadData(_, address, length):
+                return self._read(address, length)
+            case WriteData(_, address, data):
+                return self._write(address, data), b""
+            case RegWrite(_, address, data):
+                return self._register(address, data), b""
+            case SyncWrite(address, _, parts):
+                return self._write_own(address, parts), b""
+            case Action():
+                return self._act(), b""
+            case Reset():
+                return self._reset(), b""
+            case Ping():
+                return OK, b""
+
+    def _read(self, address: int, length: int) -> tuple[Error, bytes]:
+        self._sense()
+        table = self.memory.table
+        if address + length > len(table):
+            return Error.RANGE, b""  # ED-30
+        return OK, table[address : address + length]
+
+    def _write(self, address: int, data: bytes) -> Error:
+        error = self._refusal(address, data)
+        if not error:
+            self._store(address, data)
+        return error
+
+    def _register(self, address: int, data: bytes) -> Error:
+        error = self._refusal(address, data)  # D-45: what is wrong is said now, not at ACTION
+        if not error:
+            self._kept = address, data
+            self.put("registered_instruction", 1)
+        return error
+
+    def _act(self) -> Error:
+        if self._kept is None:
+            return Error.INSTRUCTION  # 3-3, bit 6
+        kept, self._kept = self._kept, None
+        self.put("registered_instruction", 0)
+        self._store(*kept)
+        return OK
+
+    def _write_own(self, address: int, parts: tuple[tuple[int, bytes], ...]) -> Error:
+        error = OK
+        for id, data in parts:
+            if id == self.id:
+                error |= self._write(address, data)
+        return error
+
+    def _reset(self) -> Error:
+        if self.get("lock"):
+            return Error.RANGE  # D-90
+        self.memory.factory_reset()
+        self.memory.power_on()
+        self.start()
+        return OK
+
+    # The control table
+
+    def _refusal(self, address: int, data: bytes) -> Error:
+        """Tell why these bytes may not be written; nothing of a packet is written if anything is wrong (D-32)."""
+        if self.get("lock") and not (address in OPEN and address + len(data) - 1 in OPEN):
+            return Error.RANGE  # ED-21
+        error, at = OK, 0
+        while at < len(data):
+            row = self._rows_by_address.get(address + at)
+            if row is None or not row.writable or at + row.layout.size > len(data):
+                return Error.RANGE  # no register, read-only, or half of one (ED-22, ED-24, ED-30)
+            error |= self._range_error(row, data[at : at + row.layout.size])
+            at += row.layout.size
+        return error
+
+    def _range_error(self, row: Register[int], data: bytes) -> Error:
+        raw = int.from_bytes(data, "little")
+        if row.layout.sign_bit is not None:
+            # Moving Speed has a direction bit in endless turn only (ED-14).
+            top = 2 * FULL + 1 if self.endless else FULL
+            return Error.RANGE if raw > top else OK
+        if not row.accepts(raw):
+            return Error.RANGE
+        low, high = self.get("cw_angle_limit"), self.get("ccw_angle_limit")
+        if row.name == "goal_position" and not self.endless and not low <= raw <= high:
+            return Error.ANGLE_LIMIT  # ED-23
+        return OK
+
+    def _store(self, address: int, data: bytes) -> None:
+        """Write bytes that were checked, and do what follows from the new values."""
+        was_endless = self.endless
+        self.memory.write(TABLE, address, data)
+        for row in self._reserved:
+            self.memory[row] = 0  # ED-22: accepted, without effect
+        self._listen()
+        if not self.get("registered_instruction"):
+            self._kept = None  # ED-16
+        if was_endless and not self.endless:
+            self.put("goal_position", self.present)  # D-78
+        rows = [self._rows_by_address.get(at) for at in range(address, address + len(data))]
+        written = {row.name for row in rows if row}
+        if "goal_position" in written and self.goal_enables_torque:
+            self.put("torque_enable", 1)
+        if written & {"torque_enable", "torque_limit"}:
+            self._overloaded, self._strained = False, 0
+        if written & {"torque_enable", "torque_limit", "goal_position"} or was_endless != self.endless:
+            self._moving, self._stood = True, 0
+        self._follow_shaft(keep_goal="goal_position" in written)
+
+    def _sense(self) -> None:
+        """Bring the registers that are measured up to date."""
+        speed = self.row("present_speed").scale.encode(self.shaft.velocity)
+        self._judge(self._settings())
+        self.put("present_position", self.present)
+        self.put("present_speed", max(-FULL, min(speed, FULL)))
+        # Inferred from the output, as ROBOTIS says; the sign is the direction in which the motor pushes.
+        self.put("present_load", round(self.output * FULL))
+        self.put("present_voltage", self._volts)
+        self.put("present_temperature", self._celsius)
+        self.put("moving", int(self._moving))
+
+    # Alarms
+
+    @property
+    def alarms(self) -> Error:
+        """What is wrong with the servo now; stands in every reply while it lasts (ED-25)."""
+        return self._alarms(self._settings())
+
+    def _alarms(self, now: Settings) -> Error:
+        alarms, (lowest, highest) = OK, now.voltages
+        if not lowest <= self._volts <= highest:
+            alarms |= Error.INPUT_VOLTAGE
+        if self._celsius > now.hottest:
+            alarms |= Error.OVERHEATING
+        if self._overloaded:
+            alarms |= Error.OVERLOAD
+        return alarms
+
+    def _alarm(self, errors: Error, time: float) -> None:
+        """Flicker and shut down as the masks say (3-4-1); a mask may name errors of a packet too (D-86)."""
+        if errors & self.get("alarm_led"):
+            self._flicker_until = time + HOLD
+        if errors & self.get("alarm_shutdown"):
+            # Whoever writes Torque Limit ends the shutdown (3-4-1, ED-29); Torque Enable is not touched.
+            self.put("torque_limit", 0)
+            self._follow_shaft()
+
+    @property
+    def _volts(self) -> int:
+        return min(int(self.shaft.rail.voltage * self._per_volt + 0.5), 255)
+
+    @property
+    def _celsius(self) -> int:
+        return min(max(0, int(self.shaft.case + 0.5)), 255)
+
+    # Motion: what the firmware commands
+
+    def control(self, ticks: int) -> None:
+        shaft, now = self.shaft, self._settings()
+        while ticks > 0:
+            count = min(ticks, self._until_look)
+            if self._drives and not shaft.at_rest:
+                count = shaft.run(count, self._approach.output)
+            elif not (self._hold_on(now) and shaft.at_rest):
+                shaft.tick()
+                count = 1
+            else:
+                # A shaft that stands, and an output that stays: then nothing happens until the next look.
+                if self._idle(now):
+                    count = ticks
+                shaft.tick(count)
+            ticks -= count
+            self._until_look -= count
+            if self._until_look <= 0:
+                self._until_look = self._period - -self._until_look % self._period
+                now = self._look(now, self.started + (self._ticks - ticks) * self.tick)
+
+    def _hold_on(self, now: Settings) -> bool:
+        """Drive for the next tick; tell whether the output stays if the shaft does."""
+        shaft = self.shaft
+        if self._drives:
+            shaft.drive(self._approach.output(shaft.position))
+            return self._approach.settled
+        if now.torque:
+            shaft.drive(endless(now.share, now.limit))
+        else:
+            shaft.release()
+        return True
+
+    def _look(self, now: Settings, time: float) -> Settings:
+        """Look after the slow things at a time; give the settings after that."""
+        shaft = self.shaft
+        if now.torque:
+            self._strained = self._strained + 1 if strained(shaft.duty, now.limit, shaft.velocity) else 0
+            self._overloaded = self._strained * LOOK >= self.overload_time
+        self._stood = self._stood + 1 if shaft.velocity == 0 and shaft.position == self._stands_at else 0
+        self._stands_at = shaft.position
+        self._judge(now)
+        alarms = self._alarms(now)
+        if alarms is OK:
+            return now
+        self._alarm(alarms, time)
+        return self._settings()
+
+    def _judge(self, now: Settings) -> None:
+        """Find out whether the goal has been reached."""
+        if not self._drives:
+            self._moving = False
+        elif self._moving and self._approach.settled:
+            error, standing = now.goal - self.present, self._stood * LOOK >= STILL
+            self._moving = not arrived(error, *(now.cw if error > 0 else now.ccw), self.shaft.velocity, standing)
+
+    def _idle(self, now: Settings) -> bool:
+        """Tell whether no alarm can come up as long as nobody touches the servo."""
+        shaft = self.shaft
+        temperatures = shaft.case, shaft.state.winding, shaft.ambient
+        cool, even = max(temperatures) < now.hottest, max(temperatures) - min(temperatures) < 0.1
+        return shaft.current == 0 and (cool or even)
+
+    def _settings(self) -> Settings:
+        """Give what the registers say now."""
+        table = self.memory.table
+        made_of = table[6:36], table[48:], self.slope_levels, self.sides_swapped
+        if made_of != self._made_of:
+            self._made_of, self._now = made_of, self._read_settings()
+            now = self._now
+            self._approach.tune(now.goal, now.step, now.cw, now.ccw, now.punch, now.limit)
+            drove, self._drives = self._drives, self._now.torque and not self._now.endless
+            if self._drives and not drove:
+                self._approach.set_point = self.present
+        return self._now
+
+    def _read_settings(self) -> Settings:
+        speed = self.get("moving_speed")
+        moved: float = self.row("moving_speed").decode(abs(speed)) * self._units * self.tick
+        sides = [
+            (self.get(f"{side}_compliance_margin"), width(self.get(f"{side}_compliance_slope"), self.slope_levels))
+            for side in (("ccw", "cw") if self.sides_swapped else ("cw", "ccw"))
+        ]
+        return Settings(
+            torque=self.torque,
+            endless=self.endless,
+            goal=self.get("goal_position"),
+            step=moved if speed else math.inf,  # 3-4-2: 0 is no speed control
+            share=max(-FULL, min(speed, FULL)) / FULL,
+            limit=self.get("torque_limit") / FULL,
+            punch=self.get("punch") / FULL,
+            cw=sides[0],
+            ccw=sides[1],
+            voltages=(self.get("lowest_limit_voltage"), self.get("highest_limit_voltage")),
+            hottest=self.get("highest_limit_temperature"),
+        )
+
+    @property
+    def torque(self) -> bool:
+        # Torque Limit 0 is free run, whether written or left by a shutdown (3-4-1 Max Torque).
+        return self.get("torque_enable") == 1 and self.get("torque_limit") > 0
+
+    @property
+    def endless(self) -> bool:
+        """Whether both angle limits are 0 (3-4-3)."""
+        return self.get("cw_angle_limit") == 0 and self.get("ccw_angle_limit") == 0
+
+    @property
+    def output(self) -> float:
+        """Share of the supply voltage at the motor, with direction."""
+        return self.shaft.duty
+
+    @property
+    def present(self) -> int:
+        """Position as measured, and all that the control loop knows of it, in its unit.
+
+        The 60° that the sensor does not cover read as the nearer end; a goal at that end counts as reached (D-63).
+        """
+        return self._measure(self.shaft.position)
+
+    def _measure(self, position: float) -> int:
+        units = position * self._units
+        if not 0 <= units < FULL:
+            units %= self._whole
+            if units > FULL:
+                return FULL if units < (FULL + self._whole) / 2 else 0
+        return int(units + 0.5)
+
+    def _follow_shaft(self, *, keep_goal: bool = False) -> None:
+        if self.torque:
+            self._followed = None
+        elif self._followed != self.present:
+            self._followed = self.present
+            if not keep_goal:
+                self.put("goal_position", self.present)

@@ -1,0 +1,345 @@
+"""The verbs of Dynamixel protocol 1.0. Packets and their sources: servobus.families.dynamixel.protocol."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+from servobus.core.exchange import Exchange, Procedure, Reply, ask
+from servobus.core.framing import Packet
+from servobus.core.ids import BROADCAST, check_id
+from servobus.core.registers import Address, Area, Register
+from servobus.core.units import Flags
+from servobus.errors import BadValue, BusError, NoReply, Refused, UsageError
+from servobus.families.base import (
+    Answers,
+    Family,
+    Identity,
+    Leg,
+    Model,
+    Question,
+    Reading,
+    Stance,
+    Target,
+    adjacent,
+    blocks,
+    cannot,
+    check_output,
+    within,
+)
+from servobus.families.dynamixel.protocol import (
+    ALARMS,
+    FRAMING,
+    RX_BUFFER,
+    Code,
+    Error,
+    Instruction,
+    Ping,
+    ReadData,
+    RegWrite,
+    SyncWrite,
+    WriteData,
+    parse_instruction,
+    parse_status,
+    ping,
+    read_data,
+    reset,
+    sync_write,
+    write_data,
+)
+from servobus.families.explain import addressed, id_list, servo, show_bytes, show_span, show_values
+
+
+def _address(register: Register[Any]) -> int:
+    assert isinstance(register.place, Address)
+    return register.place.address
+
+
+class Dynamixel1(Family):
+    name = "dynamixel"
+    title = "Dynamixel protocol 1.0"
+    framing = FRAMING
+    default_baud = 57_600
+    drives = frozenset({"moving_speed"})
+    strength = "torque_limit"
+    fickle = frozenset({"goal_position", "moving_speed", "torque_limit", "registered_instruction"})
+    # Table in manual 3-4-1, plus the codes in use elsewhere in the field; most likely first.
+    bauds = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
+
+    def ping(self, id: int) -> Exchange[None]:
+        return ping(check_id(id))
+
+    def identify(self, id: int) -> Procedure[Identity]:
+        """Read model number, firmware and return level; a servo at level 0 answers PING alone (D-22)."""
+        try:
+            data = yield from ask(read_data(check_id(id), 0, 17))
+        except NoReply:
+            yield from ask(ping(id))
+            return Identity(None, "", Answers.NOTHING)
+        return Identity(int.from_bytes(data[:2], "little"), str(data[2]), Answers(min(data[16], 2)))
+
+    def markers(self, id: int) -> Sequence[Exchange[Any]]:
+        """PING, and reads of different lengths: a status packet tells nothing of the question but its length."""
+        return (ping(id), *(read_data(id, 0, length) for length in (1, 3, 5, 7)))
+
+    def reading(self, target: Target, registers: Sequence[Register[Any]]) -> Reading:
+        if target.answers is Answers.NOTHING:
+            raise cannot(target, "be read", "its Status Return Level is 0; write status_return_level first")
+        # A second exchange costs 14 bytes of frames and the return delay: rather bridge a gap as wide.
+        spans = blocks(
+            ((_address(register), register.layout.size) for register in registers), gap=16, longest=RX_BUFFER - 6
+        )
+        places = []
+        for register in registers:
+            n, at = within(spans, _address(register))
+            places.append((n, slice(at, at + register.layout.size), register.layout))
+        return Reading(tuple(read_data(target.id, *span) for span in spans), tuple(places))
+
+    def put(
+        self,
+        target: Target,
+        values: Mapping[Register[Any], int],
+        *,
+        keep: bool,  # noqa: ARG002 - a register is in EEPROM or in RAM, never in both
+        same: Collection[Register[Any]] = (),
+    ) -> Procedure[None]:
+        fresh = {register: raw for register, raw in values.items() if register not in same}
+        parts = {_address(register): register.layout.pack(raw) for register, raw in fresh.items()}
+        # The EEPROM wears, and a second write of id or speed would go to nobody: only RAM may be written twice.
+        in_ram = all(register.area is Area.RAM for register in fresh)
+        for address, data in adjacent(parts):
+            yield _write(target, address, data, repeatable=in_ram)
+
+    def _check_unlocked(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[None]:
+        """Ask for Lock: once it is on, only addresses 24 to 35 can be written until power-off (3-4-2 Lock)."""
+        if target.answers is Answers.NOTHING:
+            return
+        (locked,) = yield from ask(self.read(target, [target.model.register("lock")]))
+        if locked:
+            names = ", ".join(register.name for register in registers)
+            raise UsageError(
+                f"{target} is locked, so {names} cannot be written: until its power goes off only addresses 24 to 35 "
+                "(torque_enable to torque_limit) can; switch it off and on first"
+            )
+
+    def stance(self, target: Target) -> Procedure[Stance]:
+        names = ("present_position", "torque_enable", "cw_angle_limit", "ccw_angle_limit")
+        rows = [target.model.register(name) for name in names]
+        position, torque, low, high = yield from ask(self.read(target, rows))
+        return Stance(rows[0].decode(position), bool(torque), low, high, turning=low == high == 0)
+
+    def check_leg(self, leg: Leg) -> None:
+        """Refuse what would be slower than speed code 1: it would take longer than asked."""
+        speed = leg.target.model.register("moving_speed")
+        slowest = speed.scale.decode(1)
+        if leg.distance > leg.target.model.sheet.resolution and leg.distance / leg.duration < 0.5 * slowest:
+            raise BadValue(f"{leg.target}: slower than {speed.show(slowest)} is not possible; go in steps")
+
+    def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
+        data = {leg.target.id: _goal_and_speed(leg) for leg in legs}
+        goal = _address(legs[0].target.model.register("goal_position"))
+        if len(legs) == 1:
+            yield _write(legs[0].target, goal, data[legs[0].target.id], repeatable=True)
+            return
+        most = (RX_BUFFER - 8) // 5
+        ids = list(data)
+        for start in range(0, len(ids), most):
+            yield from ask(sync_write(goal, {id: data[id] for id in ids[start : start + most]}))
+
+    def goals(self, goals: Mapping[Target, int], time: float) -> list[Exchange[None]]:  # noqa: ARG002 - it has a speed
+        """SYNC_WRITE, as many as 143 bytes each can hold (3-5-7)."""
+        data = [(target, raw.to_bytes(2, "little")) for target, raw in goals.items()]
+        most = (RX_BUFFER - 8) // 3
+        runs = [data[start : start + most] for start in range(0, len(data), most)]
+        address = _address(data[0][0].model.register("goal_position"))
+        return [sync_write(address, {target.id: part for target, part in run}) for run in runs]
+
+    def moving(self, target: Target) -> Procedure[bool]:
+        (moving,) = yield from ask(self.read(target, [target.model.register("moving")]))
+        return bool(moving)
+
+    def stop(self, target: Target) -> Procedure[None]:
+        model = target.model
+        stance = yield from self.stance(target)
+        if stance.turning:
+            yield from self.write(target, {model.register("moving_speed"): 0})
+            return
+        (position,) = yield from ask(self.read(target, [model.register("present_position")]))
+        yield from self.write(target, {model.register("goal_position"): position})
+
+    def torque(self, target: Target, on: bool) -> Procedure[None]:
+        model = target.model
+        if on:
+            stance = yield from self.stance(target)
+            if not stance.torque and not stance.turning:
+                goal = model.register("goal_position")
+                here = min(max(goal.scale.encode(stance.position), stance.low), stance.high)
+                yield from self.write(target, {goal: here})
+        yield from self.write(target, {model.register("torque_enable"): int(on)})
+
+    def push(self, target: Target) -> Procedure[float]:
+        rows = [target.model.register(name) for name in ("present_load", "torque_limit")]
+        load, limit = yield from ask(self.read(target, rows))
+        return abs(load) / limit if limit else 0.0
+
+    def read_alarms(self, target: Target) -> Procedure[int]:
+        """PING: the alarms stand in the error byte of its answer."""
+        asking: Exchange[Any] = self.ping(target.id)
+        alarms: Error = yield asking.giving(lambda packet: Error(packet.code) & ALARMS)
+        return alarms
+
+    def rearm(self, target: Target) -> Procedure[None]:
+        """End a shutdown: it has set Torque Limit to 0 and left Torque Enable on (3-4-1 Alarm Shutdown).
+
+        So Torque Enable goes off first. Else the servo would run to its old goal as soon as it has its limit back.
+        """
+        model = target.model
+        enable, limit = model.register("torque_enable"), model.register("torque_limit")
+        rows = [enable, limit, model.register("max_torque"), model.register("alarm_shutdown")]
+        on, limited, most, mask = yield from ask(self.read(target, rows))
+        if on and limited:
+            return
+        yield from self.write(target, {enable: 0})
+        yield from self.write(target, {limit: most})
+        standing = (yield from self.read_alarms(target)) & mask
+        if standing:
+            said = Flags(Error).show(Error(standing))
+            done = "torque_enable is off now, so it goes nowhere when that is over"
+            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}; {done}", standing)
+        stance = yield from self.stance(target)
+        if stance.turning:
+            yield from self._write_raw_speed(target, 0)  # what it turned with before would set it going again
+        yield from self.torque(target, on=True)
+        on, limited = yield from ask(self.read(target, rows[:2]))
+        if not (on and limited):
+            raise BusError(f"{target}: the torque did not come on")
+
+    def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
+        """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""
+        if output is None or speed is not None:
+            raise cannot(
+                target,
+                "turn at a given speed",
+                "endless turn has no speed control (3-4-3); give output=-1..1",
+            )
+        model = target.model
+        share = round(abs(check_output(output)) * 1023) | (0x400 if output < 0 else 0)
+        limits = {model.register("cw_angle_limit"): 0, model.register("ccw_angle_limit"): 0}
+        stance = yield from self.stance(target)
+        if not stance.turning:
+            # A speed left over from position mode would spin it as soon as the limits are 0.
+            yield from self._write_raw_speed(target, 1)
+            yield from self.write(target, limits)
+        yield from self._write_raw_speed(target, share)
+
+    def position_mode(self, target: Target, limits: tuple[int, int] | None) -> Procedure[None]:
+        model = target.model
+        stance = yield from self.stance(target)
+        if not stance.turning and limits is None:
+            return
+        low, high = limits or (0, 1023)
+        if stance.turning:
+            yield from self._write_raw_speed(target, 0)
+        yield from self.write(target, {model.register("cw_angle_limit"): low, model.register("ccw_angle_limit"): high})
+
+    def led(self, target: Target, colour: str) -> Procedure[None]:
+        if colour not in ("on", "off", "red"):
+            raise BadValue(f"{target} has one red light: on or off, not {colour!r}")
+        yield from self.write(target, {target.model.register("led"): int(colour != "off")})
+
+    def reboot(self, target: Target) -> Procedure[None]:
+        yield from ()  # a procedure without steps
+        raise cannot(target, "be rebooted", "protocol 1.0 has no such instruction; switch its power off and on")
+
+    def reset(self, target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+        if keep:
+            raise cannot(target, f"keep {', '.join(sorted(keep))}", "RESET restores everything, id and baud included")
+        yield from ask(reset(target.id, answered=_answers(target)))
+        return 1, self.default_baud
+
+    def set_id(self, target: Target, id: int) -> Procedure[None]:
+        yield from self.write(target, {target.model.register("id"): check_id(id)})
+
+    def set_baud(self, target: Target, baud: int) -> Procedure[None]:
+        register = target.model.register("baud")
+        yield from self.write(target, {register: register.encode(baud)})
+
+    def explain(self, packet: Packet, request: Packet | None = None, model: type[Model] | None = None) -> str:
+        """Say what a packet means: nothing in it tells an instruction from a status packet, only what came before."""
+        asked = _asked(packet, request)
+        if asked is None:
+            try:
+                return _say_instruction(parse_instruction(packet), Code(packet.code), model)
+            except ValueError as error:
+                if packet.id == BROADCAST:
+                    return f"{error}, {addressed(packet.id)}"
+        return _say_status(packet, asked, model)
+
+    def question(self, packet: Packet) -> Question | None:
+        try:
+            message = parse_instruction(packet)
+        except ValueError:
+            return None
+        if packet.id == BROADCAST:
+            return Question(None)
+        if isinstance(message, ReadData):
+            return Question(Reply(packet.id, None, (message.length, 0)))
+        return Question(Reply(packet.id, None, (0,)), certain=isinstance(message, Ping))
+
+    def _write_raw_speed(self, target: Target, raw: int) -> Procedure[None]:
+        address = _address(target.model.register("moving_speed"))
+        yield _write(target, address, raw.to_bytes(2, "little"), repeatable=True)
+
+
+def _write(target: Target, address: int, data: bytes, *, repeatable: bool) -> Exchange[None]:
+    return write_data(target.id, address, data, answered=_answers(target), repeatable=repeatable)
+
+
+def _answers(target: Target) -> bool:
+    return target.answers is Answers.EVERYTHING
+
+
+def _goal_and_speed(leg: Leg) -> bytes:
+    speed = leg.target.model.register("moving_speed")
+    raw = speed.scale.encode(leg.distance / leg.duration)
+    # 0 would mean full speed; above 1023 there is nothing to ask for.
+    return leg.goal.to_bytes(2, "little") + max(1, min(raw, 1023)).to_bytes(2, "little")
+
+
+def _asked(packet: Packet, request: Packet | None) -> Instruction | None:
+    """Give the instruction that a packet answers: the one before it, to the same id, if the length fits."""
+    if request is None or packet.id == BROADCAST or request.id != packet.id:
+        return None
+    if request.data and request == packet:
+        return None  # asked again: to be an answer, this would have to repeat address and length by chance
+    try:
+        asked = parse_instruction(request)
+    except ValueError:
+        return None
+    lengths = (asked.length, 0) if isinstance(asked, ReadData) else (0,)
+    return asked if len(packet.data) in lengths else None
+
+
+def _say_instruction(message: Instruction, code: Code, model: type[Model] | None) -> str:
+    head = f"{code.name} {addressed(message.id)}"
+    match message:
+        case ReadData(_, address, length):
+            return f"{head}: {show_span(model, address, length)}"
+        case WriteData(_, address, data) | RegWrite(_, address, data):
+            return f"{head}: {show_values(model, address, data)}"
+        case SyncWrite(address, _, parts):
+            each = "; ".join(f"{servo(id)}: {show_values(model, address, data)}" for id, data in parts)
+            return f"{head}, for {id_list(id for id, _ in parts)}: {each}"
+    return head
+
+
+def _say_status(packet: Packet, asked: Instruction | None, model: type[Model] | None) -> str:
+    status, errors = parse_status(packet), Flags(Error)
+    refusals, alarms = status.error & ~ALARMS, status.error & ALARMS
+    said = [f"refused, {errors.show(refusals)}"] if refusals else []
+    if alarms:
+        said.append(f"ALARM {errors.show(alarms)}")
+    text = f"status of {servo(status.id)}: {'; '.join(said) or 'ok'}"
+    if not status.data:
+        return text
+    if isinstance(asked, ReadData):
+        return f"{text}, {show_values(model, asked.address, status.data)}"
+    return f"{text}, {show_bytes(status.data)}"

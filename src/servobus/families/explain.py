@@ -1,0 +1,88 @@
+"""Packets in words: who is spoken to, which registers the bytes at an address are, and what they say."""
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from servobus.core.ids import BROADCAST
+from servobus.core.registers import Address, Area, Eep, EepRam, Place, Ram, Register
+from servobus.families.base import Model
+
+
+def servo(id: int) -> str:
+    """Name a servo, or all of them."""
+    return "all" if id == BROADCAST else f"id {id}"
+
+
+def addressed(id: int) -> str:
+    """Say whom a command is for, behind its name: PING id 1, PING to all."""
+    return "to all" if id == BROADCAST else servo(id)
+
+
+def id_list(ids: Iterable[int]) -> str:
+    """Name several servos: id 1; ids 1, 2."""
+    listed = [str(id) for id in ids]
+    return f"id{'s' * (len(listed) > 1)} {', '.join(listed)}"
+
+
+def show_bytes(data: bytes) -> str:
+    return data.hex(" ").upper()
+
+
+def show_value(register: Register[Any], raw: int) -> str:
+    """Write a register's name and value as people read them; the raw integer where it has no meaning."""
+    try:
+        return f"{register.name} {register.show(register.decode(raw))}"
+    except ValueError:
+        return f"{register.name} raw {raw}"
+
+
+def show_span(model: type[Model] | None, address: int, length: int, area: Area = Area.RAM) -> str:
+    """Say what a read asks for: 2 bytes from address 36, present_position."""
+    span = f"{length} byte{'' if length == 1 else 's'} from address {address}"
+    return ", ".join([span, *(row.name for _, _, row in pieces(model, address, length, area) if row is not None)])
+
+
+def show_values(model: type[Model] | None, address: int, data: bytes, area: Area = Area.RAM) -> str:
+    """Say what stands in bytes: goal_position 150.1°, moving_speed 341.0°/s; the bytes where nothing is known."""
+    said = []
+    for start, size, row in pieces(model, address, len(data), area):
+        part = data[start - address : start - address + size]
+        raw = f"address {start}: {show_bytes(part)}"
+        said.append(raw if row is None else show_value(row, row.layout.unpack(part)))
+    return ", ".join(said) or f"nothing at address {address}"
+
+
+def pieces(
+    model: type[Model] | None, address: int, length: int, area: Area = Area.RAM
+) -> Iterator[tuple[int, int, Register[Any] | None]]:
+    """Cut the bytes from `address` on into registers: (address, size, register).
+
+    The register is None for bytes that are none, or not the whole of one. `area` chooses between the two
+    maps of HerkuleX; Dynamixel has one table for both.
+    """
+    rows = {_address(row.place, area): row for row in model.registers.values()} if model else {}
+    at, end = address, address + length
+    unknown = at
+    while at < end:
+        row = rows.get(at)
+        if row is None or at + row.layout.size > end:
+            at += 1
+            continue
+        if unknown < at:
+            yield unknown, at - unknown, None
+        yield at, row.layout.size, row
+        at += row.layout.size
+        unknown = at
+    if unknown < end:
+        yield unknown, end - unknown, None
+
+
+def _address(place: Place, area: Area) -> int | None:
+    match place:
+        case Address(address):
+            return address
+        case Ram(address) | EepRam(ram=address) if area is Area.RAM:
+            return address
+        case Eep(address) | EepRam(eep=address) if area is Area.EEPROM:
+            return address
+    return None

@@ -1,0 +1,75 @@
+"""HerkuleX packets in words. Packets and their sources: servobus.families.herkulex.protocol."""
+
+from servobus.core.registers import Area
+from servobus.core.units import show
+from servobus.families.base import Model
+from servobus.families.explain import addressed, servo, show_bytes, show_span, show_values
+from servobus.families.herkulex.protocol import (
+    JOG_SPEED,
+    TICK,
+    Ack,
+    Code,
+    ControlMode,
+    EepRead,
+    EepWrite,
+    IJog,
+    Jog,
+    RamRead,
+    RamWrite,
+    Request,
+    Rollback,
+    SJog,
+    show_flags,
+)
+
+
+def say_request(message: Request, code: Code, model: type[Model] | None) -> str:
+    head = f"{code.name} {addressed(message.id)}"
+    match message:
+        case EepRead(_, address, length) | RamRead(_, address, length):
+            return f"{head}: {show_span(model, address, length, _area(code))}"
+        case EepWrite(_, address, data) | RamWrite(_, address, data):
+            return f"{head}: {show_values(model, address, data, _area(code))}"
+        case IJog(_, jogs):
+            each = (_say_jog(jog, f"playtime {show(jog.playtime * TICK, 's')}", model=model) for jog in jogs)
+            return f"{head}: {', '.join(each)}"
+        case SJog(_, playtime, jogs):
+            each = (_say_jog(jog, model=model) for jog in jogs)
+            return f"{head}, playtime {show(playtime * TICK, 's')}: {', '.join(each)}"
+        case Rollback(_, keep):
+            return f"{head}, keeping {show_flags(keep).replace('+', ' and ') if keep else 'nothing'}"
+    return head
+
+
+def _say_jog(jog: Jog, *details: str, model: type[Model] | None) -> str:
+    if jog.invalid:
+        return f"{servo(jog.id)} left alone"
+    if jog.stop:
+        does = "stops"
+    elif jog.mode is ControlMode.INFINITE_TURN:
+        does = f"turns at {JOG_SPEED.show(JOG_SPEED.decode(jog.value))}"
+    else:
+        goal = model.register("goal_position") if model else None
+        does = f"to {goal.show(goal.decode(jog.value)) if goal else jog.value}"
+    notes = [show_flags(jog.led) if jog.led else "lights off", *details]
+    if jog.no_override:
+        notes.append("from speed 0")
+    return f"{servo(jog.id)} {does} ({', '.join(notes)})"
+
+
+def say_ack(ack: Ack, model: type[Model] | None) -> str:
+    said = []
+    if ack.code in (Code.EEP_READ, Code.RAM_READ) and len(ack.data) > 2 and len(ack.data) == ack.data[1] + 2:
+        said.append(show_values(model, ack.data[0], ack.data[2:], _area(ack.code)))
+    elif ack.data:
+        said.append(show_bytes(ack.data))
+    if ack.status_error:
+        said.append(f"ALARM {show_flags(ack.status_error)}")
+    if ack.status_detail:
+        said.append(show_flags(ack.status_detail))
+    return f"ACK of {ack.code.name} from {servo(ack.id)}: {'; '.join(said) or 'ok'}"
+
+
+def _area(code: Code) -> Area:
+    """Tell which of the two maps a command is about."""
+    return Area.EEPROM if code in (Code.EEP_READ, Code.EEP_WRITE) else Area.RAM

@@ -1,0 +1,464 @@
+"""The firmware of HerkuleX servos, as the DRS-0602 manual describes it.
+
+Section and register (NO) numbers are those of the DRS-0602 user's manual, EH entries and H numbers those of
+this project's notes in docs/decisions.md.
+
+Positions are counted in steps, 15 bits, from 0 to 32767 (NO 53 to 59; other drivers mask them with 0x7FFF,
+EH-35). A shaft that turns past either end comes in again at the other. What the servo calls its position
+can be set anew (Aux 1), so plans are kept in radians of the shaft and become steps when they are read.
+
+A loop of control measures, checks what may be wrong, moves the plan on and sets the bridge until the next loop. So
+a JOG counts from the loop before it was heard. The laws of control are in servobus.families.herkulex.control.
+"""
+
+import functools
+import math
+from collections.abc import Iterable
+
+from servobus.core.framing import Corrupt, Packet
+from servobus.core.ids import BROADCAST
+from servobus.core.registers import Access, Eep, EepRam, Ram
+from servobus.core.units import deg
+from servobus.families.herkulex.control import FULL, MEASURED, PositionControl, SpeedControl, Speedometer, Stages, Watch
+from servobus.families.herkulex.protocol import (
+    TICK,
+    Ack,
+    Aux,
+    Code,
+    ControlMode,
+    EepRead,
+    EepWrite,
+    IJog,
+    Jog,
+    Keep,
+    Led,
+    RamRead,
+    RamWrite,
+    Reboot,
+    Request,
+    Rollback,
+    SJog,
+    Stat,
+    StatusDetail,
+    StatusError,
+    TorqueControl,
+    UnknownCommandError,
+    encode,
+    parse_request,
+)
+from servobus.families.herkulex.verbs import Herkulex
+from servobus.virtual.device.memory import EEP, RAM
+from servobus.virtual.device.servo import Replies, VirtualServo
+from servobus.virtual.physics.trajectory import Course, Profile, Ramp, StepCounter, StopDetection, ramp_time
+
+_parse = functools.lru_cache(maxsize=16)(parse_request)
+"""All servos of a line read the same packet: one with 53 JOGs is taken apart once, not once by each."""
+CLOCK = 2_000_000
+"""bit/s = CLOCK / (code + 1): fits all codes of NO 5. 0x10 is really 117647, 0x22 really 57143 (within the 3 %)."""
+LOOPS = 4
+"""Control loops in one unit of 11.2 ms; assumption: a loop of 2.8 ms is fast enough for the factory gains."""
+WARMING = 36
+"""Loops in which a standing shaft is left alone while it gets warmer or colder: 0.1 s."""
+DELAY = 0.5e-3
+"""s until an answer starts; assumption: users report 2 to 3 ms for a request and its ACK at 115200 baud."""
+BOOT = 0.25
+"""s for which REBOOT leaves the servo deaf; assumption: users report that it takes time, not how long."""
+BLINK = 0.25
+"""s; assumption: how long the light is on at power-on (3-3 only says that it blinks once)."""
+
+STEPS = 0x8000
+WINDOW = 160 * deg
+"""How far from the middle the potentiometer reaches: 320 degrees in all (2-2; which, is assumption EH-37)."""
+SET_TO = {Aux.RAW_0: 0, Aux.MINUS_180: 9903, Aux.CENTRE: 16384, Aux.PLUS_180: 22865, Aux.RAW_32767: 32767}
+"""What the choices of Aux 1 set Absolute Position to (NO 45)."""
+WATCHED = StatusError.INPUT_VOLTAGE, StatusError.TEMPERATURE, StatusError.OVERLOAD
+CAUSES = StatusDetail(0x3C)
+"""Bits of Status Detail that stay until they are cleared; the others show what is (4-2 NO 44)."""
+
+
+class HerkulexServo(VirtualServo, family=Herkulex):
+    """Where the manual says nothing about motion, these assumptions hold.
+
+    - A new profile starts where the present one is, even if the shaft is late; out of infinite turn, where
+      the shaft is.
+    - Without torque the goal stays, and the trajectory is where the shaft is, for there it will start (H-51).
+    - The moving flag is up from the JOG on, and then tells what is measured: a shaft that is held has stopped.
+    - Overload is a matter of the output alone (NO 23), so speed that cannot be reached is one too.
+    - Torque that goes off leaves the shaft to its own momentum.
+    - Inposition is told only while the position is controlled: the ACKs of 6-1, 6-8 and 6-9 print 00 00.
+    - Disable VOR in infinite turn ramps the speed up from 0; the stop flag there stops without a ramp.
+    """
+
+    tick = TICK / LOOPS
+
+    # Life
+
+    def start(self) -> None:
+        rows = self.model.registers.values()
+        self._rows = {
+            EEP: [(row.place.eep, row) for row in rows if isinstance(row.place, Eep | EepRam)],
+            RAM: [(row.place.ram, row) for row in rows if isinstance(row.place, Ram | EepRam)],
+        }
+        scale = self.row("absolute_position").scale
+        self._counter = StepCounter(scale.decode(1) - scale.decode(0), scale.encode(0.0), STEPS)
+        self._place(Aux.POTENTIOMETER)  # H-4
+        self._loops = 0
+        self._goal = self.shaft.position
+        self._course = Course(self.tick, Profile(self._goal, self._goal))
+        self._per_step = 1 / self._counter.step
+        self._slowest = self._counter.step / MEASURED  # rad/s
+        self._speed_unit = self.row("differential_position").scale.decode(1)
+        count = round(self.shaft.position * self._per_step)
+        self._stop = StopDetection(count)
+        self._meter = Speedometer(self.tick, count)
+        self._position, self._turning = PositionControl(self.tick), SpeedControl(self.tick)
+        self._watches = {error: Watch() for error in WATCHED}
+        self._driven = self._alert = False
+        self._pwm = 0
+        self.baud = CLOCK / (self.get("baud_rate") + 1)  # EEP only: a new one waits for this moment (H-37)
+        self._settle()
+
+    @property
+    def home(self) -> float:
+        return 0.0  # raw 16384, the middle of the range
+
+    def garbage(self, now: float) -> None:  # noqa: ARG002 - the timer of the line is the servo's
+        self._fault(StatusError.INVALID_PACKET, StatusDetail.GARBAGE)
+
+    @property
+    def torque(self) -> bool:
+        return self.get("torque_control") != TorqueControl.FREE  # a braked shaft is held as well (H-48)
+
+    @property
+    def led(self) -> str:
+        if not self.powered:
+            return "off"
+        if self.get("alarm_led_policy") & self.get("status_error"):
+            period = self._value("led_blink_period")
+            # Assumption: half of the period is light, and period 0 is steady.
+            return "red" if not period or self.time % period < period / 2 else "off"
+        if self.time < self.started + BLINK:
+            return "green"  # assumption: the colour is not in the manual
+        shown = Led(self.get("led_control"))
+        return "+".join(colour.name.lower() for colour in Led if colour & shown and colour.name) or "off"
+
+    @property
+    def trajectory(self) -> float | None:
+        return self._course.position if self._driven else None
+
+    # Packets
+
+    def hear(self, event: Packet | Corrupt, now: float) -> Replies:
+        # What cannot be understood is noted and not answered, not even with the STAT bits (H-13, H-14).
+        if isinstance(event, Corrupt):
+            self._fault(StatusError.INVALID_PACKET, StatusDetail.CHECKSUM_ERROR)
+            return []
+        try:
+            request = _parse(event)
+        except UnknownCommandError:
+            self._fault(StatusError.INVALID_PACKET, StatusDetail.UNKNOWN_COMMAND)
+            return []
+        except ValueError:
+            self._fault(StatusError.INVALID_PACKET)  # wrong length: the cause without a bit (EH-31)
+            return []
+        id = self.id  # that of the request, even if it changes the id (H-36)
+        data = self._obey(request)
+        replies: Replies = []
+        if self._answers(request):
+            self._sense()
+            status = StatusError(self.get("status_error")), StatusDetail(self.get("status_detail"))
+            replies = [(DELAY, encode(Ack(id, Code(event.code), data, *status)))]
+        if isinstance(request, Reboot):
+            self.power_on(now)
+            self.deaf_until = now + BOOT
+        return replies
+
+    def _answers(self, request: Request) -> bool:
+        if isinstance(request, Stat):
+            return True
+        policy = self.get("ack_policy")  # a changed one holds for the ACK of its own write (H-30)
+        return request.id != BROADCAST and policy >= (1 if isinstance(request, EepRead | RamRead) else 2)
+
+    def _obey(self, request: Request) -> bytes:
+        """Carry out a request; give what its ACK says before the two status bytes."""
+        match request:
+            case EepRead(_, address, length):
+                return self._read(EEP, address, length)
+            case RamRead(_, address, length):
+                return self._read(RAM, address, length)
+            case EepWrite(_, address, data):
+                self._write(EEP, address, data)
+            case RamWrite(_, address, data):
+                self._write(RAM, address, data)
+            case IJog(_, jogs):
+                self._jog((jog, jog.playtime) for jog in jogs)
+            case SJog(_, playtime, jogs):
+                self._jog((jog, playtime) for jog in jogs)
+            case Rollback(_, keep):
+                names = {Keep.ID: "id", Keep.CALIBRATION: "calibration_difference", Keep.BAUD: "baud_rate"}
+                self.memory.factory_reset([self.row(name) for bit, name in names.items() if bit & keep])
+        return b""
+
+    def _read(self, space: str, address: int, length: int) -> bytes:
+        self._sense()
+        there = self.memory.eep if space == EEP else self.memory.ram
+        if address + length > len(there):
+            self._fault(StatusError.INVALID_PACKET, StatusDetail.EXCEED_REG_RANGE)  # H-15
+            return b""
+        return bytes((address, length)) + there[address : address + length]
+
+    def _write(self, space: str, address: int, data: bytes) -> None:
+        accepted = self._accepted(space, address, data)
+        if accepted is None:
+            self._fault(StatusError.INVALID_PACKET, StatusDetail.EXCEED_REG_RANGE)
+            return
+        self.memory.write(space, address, accepted)
+        if space == RAM:
+            self._settle()
+
+    def _accepted(self, space: str, address: int, data: bytes) -> bytes | None:
+        """Give the bytes to store; None if any may not be written, for then none is (H-15, H-38, H-40).
+
+        A single byte of two may be written (assumption): what both then make must be in range.
+        """
+        image = bytearray(self.memory.eep if space == EEP else self.memory.ram)
+        end = address + len(data)
+        if end > len(image):
+            return None
+        image[address:end] = data
+        for at, row in self._rows[space]:
+            if not (at < end and address < at + row.layout.size):
+                continue
+            if row.access is Access.READ:
+                return None
+            if row.access is Access.RESERVED:
+                image[at] = 0  # H-39
+            elif row.name == "torque_control":
+                image[at] &= TorqueControl.ON  # the mask of NO 47
+                if not row.accepts(image[at]):
+                    image[at] = TorqueControl.FREE  # H-46: 0x20 alone means nothing
+            elif not row.accepts(row.layout.unpack(bytes(image[at : at + row.layout.size]))):
+                return None
+        return bytes(image[address:end])
+
+    # Registers
+
+    def _settle(self) -> None:
+        """Do what follows from the values of RAM."""
+        self.id = self.get("id")
+        self.garbage_timeout = self._value("packet_garbage_check_period")
+        volts, celsius, overload = self._watches.values()
+        volts.limit = celsius.limit = self.get("adc_fault_check_period") * LOOPS
+        period = self._value("overload_detection_period")
+        overload.limit = int(period / self.tick + 1e-6)
+        # Without a period there is no output that would be too high (H-64).
+        self._too_high = self.get("overload_pwm_threshold") if period else FULL
+        self._limits = tuple(  # what still reads as allowed
+            self.row(name).scale.decode(1) * (self.get(name) + half)
+            for name, half in (("min_voltage", -0.5), ("max_voltage", 0.5), ("max_temperature", 0.5))
+        )
+        self._stop.loops = self.get("stop_detection_period") * LOOPS
+        self._stop.threshold = self.get("stop_threshold")
+        forward = (self.get(f"position_feedforward_{name}_gain") for name in ("1st", "2nd"))
+        self._position.tune(*(self.get(f"position_k{name}") for name in "pdi"), *forward)
+        self._turning.tune(self.get("velocity_kp"), self.get("velocity_ki"))
+        names = "dead_zone", "pwm_offset", "min_pwm", "max_pwm", "saturator_offset", "saturator_slope"
+        self._stages = Stages(*(self.get(name) for name in names))
+        self.put("status_error", self.get("status_error") & ~StatusError.DRIVER_FAULT)  # H-59
+        choice = Aux(self.get("aux_1"))
+        if choice is not Aux.NOTHING:
+            self.put("aux_1", Aux.NOTHING)  # H-104
+            self._place(choice)
+        self._switch(self.get("torque_control"))
+
+    def _sense(self) -> None:
+        """Bring the registers that are measured up to date."""
+        here, course = self.shaft.position, self._course
+        trajectory = course.position if self._driven and course.position is not None else here
+        absolute, goal = self._counter.read(here), self._counter.read(self._goal)
+        self._measured("voltage", self.voltage)
+        self._measured("temperature", self.temperature)
+        self.put("tick", self._loops // LOOPS & 0xFF)
+        self.put("absolute_position", absolute)
+        self.put("calibrated_position", (absolute - self.get("calibration_difference")) % STEPS)
+        self._measured("differential_position", self._meter.way * self._slowest)
+        self.put("pwm", self._pwm)
+        self._measured("absolute_2nd_position", self._potentiometer)
+        self.put("absolute_goal_position", goal)
+        self.put("absolute_desired_trajectory_position", self._counter.read(trajectory))
+        self._measured("desired_velocity", course.speed if self._driven else 0.0)
+        state = self._stop.moving * StatusDetail.MOVING | self._driven * StatusDetail.TORQUE_ON
+        if self._driven and course.position is not None and abs(goal - absolute) < self.get("inposition_margin"):
+            state |= StatusDetail.INPOSITION
+        self.put("status_detail", self.get("status_detail") & CAUSES | state)
+
+    def _fault(self, error: StatusError, cause: int = 0) -> None:
+        """Note an error; it stays until a host clears it (H-19)."""
+        self.put("status_error", self.get("status_error") | error)
+        self.put("status_detail", self.get("status_detail") | cause)
+        self._switch(self.get("torque_control"))
+
+    def _switch(self, state: int) -> None:
+        """Bring the motor into a state of Torque Control, unless an error forbids it (NO 10)."""
+        if self.get("torque_policy") & self.get("status_error"):
+            state = TorqueControl.FREE
+        self.put("torque_control", state)
+        driven = state == TorqueControl.ON
+        if driven and not self._driven:
+            self.shaft.brake()  # until the next loop
+            if self.get("current_control_mode") == ControlMode.POSITION:
+                self._hold()
+            else:
+                self._begin(Ramp())  # assumption: it waits for a JOG that says how fast
+        if not driven:
+            self._pwm = 0
+            (self.shaft.brake if state == TorqueControl.BRAKE else self.shaft.release)()
+        self._driven = driven
+
+    def _value(self, name: str) -> float:
+        return float(self.row(name).decode(self.get(name)))
+
+    def _measured(self, name: str, value: float) -> None:
+        """Put a value into a register, as far as it goes there."""
+        low, high = self.row(name).limits
+        self.put(name, max(low, min(self.row(name).scale.encode(value), high)))
+
+    # Where the shaft is
+
+    def _place(self, choice: Aux) -> None:
+        """Set Absolute Position anew (NO 45)."""
+        seen = self._potentiometer / self._counter.step + self._counter.zero
+        self._counter.place(self.shaft.position, SET_TO.get(choice, seen))
+
+    @property
+    def _potentiometer(self) -> float:
+        """Angle within one turn. The 40 degrees it does not cover read as the nearer end (assumption)."""
+        angle = math.remainder(self.shaft.position, math.tau)
+        return max(-WINDOW, min(angle, WINDOW))
+
+    # What is to be done: plans
+
+    def _begin(self, plan: Profile | Ramp) -> None:
+        if not self._driven or type(plan) is not type(self._course.plan):
+            self._position.reset()
+            self._turning.reset()
+        self._course.begin(plan)
+        if self._course.moving or (isinstance(plan, Profile) and plan.start != plan.goal):
+            self._stop.start()
+
+    def _hold(self) -> None:
+        """Make the present position the goal (H-51, H-82)."""
+        self._goal = here = self.shaft.position
+        self._counter.wrap(here)
+        self._begin(Profile(here, here))
+
+    def _jog(self, entries: Iterable[tuple[Jog, int]]) -> None:
+        """Obey the last entry that is for this servo and not invalid (H-74)."""
+        own = [entry for entry in entries if entry[0].id in (self.id, BROADCAST) and not entry[0].invalid]
+        if own:
+            jog, playtime = own[-1]
+            self.put("led_control", jog.led)
+            self.put("current_control_mode", jog.mode)
+            if self._driven:  # EH-15, EH-16: otherwise nothing more happens
+                (self._go if jog.mode is ControlMode.POSITION else self._turn)(jog, playtime * TICK)
+
+    def _go(self, jog: Jog, duration: float) -> None:
+        start, speed = self._course.position, 0.0 if jog.no_override else self._speed
+        if start is None or jog.stop:
+            self._hold()
+            start = self.shaft.position
+        if jog.stop:
+            return
+        # The number asked for is what is compared, not the absolute goal (EH-36).
+        value = max(self.get("min_position"), min(jog.value, self.get("max_position")))
+        if value != jog.value:
+            self._fault(StatusError.POSITION_LIMIT)
+            if not self._driven:
+                return
+        goal = max(0, min(value + self.get("calibration_difference"), STEPS - 1))
+        self._goal = self._counter.angle(goal)
+        self._begin(Profile(start, self._goal, duration, self._ramp_time(duration), speed))
+
+    def _turn(self, jog: Jog, duration: float) -> None:
+        """Change the speed; the playtime sets how long that takes (assumption EH-40)."""
+        before = 0.0 if jog.no_override else self._speed
+        after: float = self.row("differential_position").decode(jog.value)  # same unit as in 6-5
+        self._begin(Ramp() if jog.stop else Ramp(before, after, self._ramp_time(duration)))
+
+    @property
+    def _speed(self) -> float:
+        """Speed of the plan, as far as the supply allows it."""
+        return max(-self.top_speed, min(self._course.speed, self.top_speed))
+
+    def _ramp_time(self, duration: float) -> float:
+        return ramp_time(duration, self._value("acceleration_ratio"), self._value("max_acceleration_time"))
+
+    # The control loop
+
+    def control(self, ticks: int) -> None:
+        ticks -= self._loop()  # by itself, as surroundings may have changed
+        while ticks > 0:
+            ticks -= self._wait(ticks) if self._quiet else self._loop()
+
+    def _loop(self) -> int:
+        shaft = self.shaft
+        shaft.tick()
+        self._loops += 1
+        position = shaft.state.output
+        count = round(position * self._per_step)
+        self._meter.step(count)
+        self._check()
+        self._stop.step(count, planned=False)
+        course = self._course
+        course.step()
+        if self._driven:
+            setpoint = course.position
+            if setpoint is None:
+                error = (course.speed - self._meter.way * self._slowest) / self._speed_unit
+                self._pwm = self._stages.speed(self._turning.output(error))
+            else:
+                error = round((setpoint - position) * self._per_step)
+                speed = course.speed / self._speed_unit if self._position.forward else 0.0
+                self._pwm = self._stages.position(self._position.output(error, speed), error)
+            shaft.drive(self._pwm / FULL)
+        return 1
+
+    def _check(self) -> None:
+        """Report what has been wrong for too long (NO 12 to 14, 23)."""
+        lowest, highest, hottest = self._limits
+        volts = not lowest <= self.shaft.rail.voltage < highest
+        celsius = self.shaft.state.case >= hottest
+        overload = abs(self._pwm) > self._too_high
+        if volts or celsius or overload or self._alert:
+            self._alert = volts or celsius or overload
+            for wrong, (error, watch) in zip((volts, celsius, overload), self._watches.items(), strict=True):
+                if watch.step(wrong) and not self.get("status_error") & error:
+                    self._fault(error)
+
+    @property
+    def _quiet(self) -> bool:
+        """Whether more of the same would change nothing but temperatures."""
+        if not self.shaft.at_rest or self._stop.moving or not self._meter.steady:
+            return False
+        if self._alert and any(watch.waiting for watch in self._watches.values()):
+            return False
+        if not self._driven:
+            return True
+        setpoint = self._course.position
+        if not self._course.over:
+            return False
+        if setpoint is None:
+            return self._course.speed == 0
+        return self._position.steady(round((setpoint - self.shaft.position) * self._per_step))
+
+    def _wait(self, ticks: int) -> int:
+        """Let up to this many quiet loops pass at once; tell how many."""
+        state = self.shaft.state
+        to_go = WARMING - self._loops % WARMING
+        warming = abs(state.winding - state.case) > 0.5 or abs(state.current) > 0.1
+        # Ending where temperatures are looked at anyway, it makes no difference how time is cut.
+        loops = ticks if ticks < to_go else to_go if warming else ticks - (ticks - to_go) % WARMING
+        self.shaft.tick(loops)
+        self._loops += loops
+        self._check()
+        return loops

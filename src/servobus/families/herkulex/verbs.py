@@ -1,0 +1,467 @@
+"""The verbs of HerkuleX. Packets and their sources: servobus.families.herkulex.protocol.
+
+A JOG, the command that moves, sets the lights as well: without colours in it they go out (6-5).
+"""
+
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ask, sent
+from servobus.core.framing import Packet
+from servobus.core.ids import BROADCAST, check_id
+from servobus.core.registers import Area, Eep, EepRam, Ram, Register
+from servobus.core.units import show
+from servobus.errors import BadValue, BusError, NoReply, Refused
+from servobus.families.base import (
+    Answers,
+    Family,
+    Identity,
+    Leg,
+    Model,
+    Question,
+    Reading,
+    Stance,
+    Target,
+    adjacent,
+    blocks,
+    cannot,
+    fetch,
+    within,
+)
+from servobus.families.explain import addressed
+from servobus.families.herkulex.explain import say_ack, say_request
+from servobus.families.herkulex.protocol import (
+    ACK,
+    ACK_POLICY,
+    BAUD,
+    BOOT_TIME,
+    EEP_TIME,
+    FRAMING,
+    JOG_SPEED,
+    LONGEST_PLAYTIME,
+    MAX_DATA,
+    MOST_I_JOG,
+    MOST_S_JOG,
+    SPEED_LAYOUT,
+    TICK,
+    TURNAROUND,
+    Code,
+    ControlMode,
+    EepRead,
+    Jog,
+    Keep,
+    Led,
+    RamRead,
+    Stat,
+    StatusDetail,
+    StatusError,
+    TorqueControl,
+    eep_read,
+    eep_write,
+    exchange,
+    i_jog,
+    parse_ack,
+    parse_request,
+    ram_read,
+    ram_write,
+    reboot,
+    rollback,
+    s_jog,
+    show_flags,
+    stat,
+)
+
+_COLOURS = {
+    "off": Led.OFF, "on": Led.GREEN | Led.BLUE | Led.RED, "white": Led.GREEN | Led.BLUE | Led.RED,
+    "green": Led.GREEN, "blue": Led.BLUE, "red": Led.RED,
+    "cyan": Led.GREEN | Led.BLUE, "magenta": Led.BLUE | Led.RED, "yellow": Led.GREEN | Led.RED,
+}  # fmt: skip
+_KEEPS = {"id": Keep.ID, "baud": Keep.BAUD, "calibration": Keep.CALIBRATION}
+_TURN_PLAYTIME = 60
+"""Playtime in the manual's example of infinite turn (6-5); what it does there is not said (EH-40)."""
+
+
+class Herkulex(Family):
+    name = "herkulex"
+    title = "HerkuleX"
+    framing = FRAMING
+    default_baud = 115_200
+    bauds = tuple(BAUD.codes.values())
+    full_duplex = True
+    strength = "max_pwm"
+    brakes = True
+    turns_at_speed = True
+    max_move_time = LONGEST_PLAYTIME * TICK
+    # Torque Control is among what tells a restart; the light is not, for a JOG sets it. The id is no setting.
+    fickle = frozenset({"id", "status_error", "status_detail", "aux_1", "led_control"})
+
+    def ping(self, id: int) -> Exchange[None]:
+        """STAT: the one request that is always answered."""
+        return exchange(f"STAT id {id}", Stat(check_id(id)), sent, Reply(id, Code.STAT | ACK, (2,)))
+
+    def identify(self, id: int) -> Procedure[Identity]:
+        """Read model, version and ACK Policy; a servo with policy 0 answers STAT alone (H-25)."""
+        try:
+            model = yield from ask(eep_read(id, 0, 4))
+            policy = yield from ask(ram_read(id, ACK_POLICY, 1))
+        except NoReply:
+            yield from ask(stat(id))
+            return Identity(None, "", Answers.NOTHING)
+        # Version bytes 00 90 read as "0.90": an assumption, the manual does not say how they are written.
+        return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", Answers(min(policy[0], 2)))
+
+    def markers(self, id: int) -> Sequence[Exchange[Any]]:
+        """STAT, and reads: an ACK tells command, address and length of its request."""
+        return (stat(id), ram_read(id, 0, 1), eep_read(id, 0, 1), ram_read(id, 0, 2))
+
+    def reading(self, target: Target, registers: Sequence[Register[Any]]) -> Reading:
+        """Read from RAM what RAM has, the rest from EEP."""
+        return _reading(target, registers, [_acting(row) for row in registers])
+
+    def read_stored(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+        """Read from EEP what EEP has, the rest from RAM."""
+        return fetch(_reading(target, registers, [_kept(row) or _acting(row) for row in registers]))
+
+    def put(
+        self, target: Target, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
+    ) -> Procedure[None]:
+        """For now: to RAM what RAM has, the rest to EEP, where it acts after the next start.
+
+        For good: to EEP, and to RAM what RAM has too, so that it acts now and survives power-off. What RAM does not
+        have (Baud Rate) acts after the next start.
+        """
+        parts = []
+        for row, raw in values.items():
+            spots = {_acting(row), _kept(row) or _acting(row)} if keep else {_acting(row)}
+            parts += [(spot, row.layout.pack(raw)) for spot in spots if spot[0] is Area.RAM or row not in same]
+        yield from _send(target, parts)
+
+    def wears(self, register: Register[Any], *, keep: bool) -> bool:
+        """EEP is written by `store`, and by `write` where RAM does not have the register."""
+        return isinstance(register.place, Eep | EepRam if keep else Eep)
+
+    def stance(self, target: Target) -> Procedure[Stance]:
+        names = ("calibrated_position", "torque_control", "min_position", "max_position", "current_control_mode")
+        rows = [target.model.register(name) for name in names]
+        position, torque, low, high, mode = yield from ask(self.read(target, rows))
+        on = torque == TorqueControl.ON
+        return Stance(rows[0].decode(position), on, low, high, turning=mode == ControlMode.INFINITE_TURN)
+
+    def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
+        """I_JOG for one servo; for several S_JOG if they take equally long, else I_JOG. The lights go out."""
+        playtimes = [_playtime(leg) for leg in legs]
+        if len(legs) == 1:
+            yield from _jog(legs[0].target, Jog(legs[0].target.id, legs[0].goal, playtime=playtimes[0]))
+        elif len(set(playtimes)) == 1:
+            jogs = [Jog(leg.target.id, leg.goal) for leg in legs]
+            for i in range(0, len(jogs), MOST_S_JOG):
+                yield from ask(s_jog(BROADCAST, playtimes[0], jogs[i : i + MOST_S_JOG]))
+        else:
+            jogs = [Jog(leg.target.id, leg.goal, playtime=time) for leg, time in zip(legs, playtimes, strict=True)]
+            for i in range(0, len(jogs), MOST_I_JOG):
+                yield from ask(i_jog(BROADCAST, jogs[i : i + MOST_I_JOG]))
+
+    def goals(self, goals: Mapping[Target, int], time: float) -> list[Exchange[None]]:
+        """S_JOG, up to 53 servos each. The lights go out."""
+        jogs = [Jog(target.id, raw) for target, raw in goals.items()]
+        runs = [jogs[start : start + MOST_S_JOG] for start in range(0, len(jogs), MOST_S_JOG)]
+        return [s_jog(BROADCAST, round(time / TICK), run) for run in runs]
+
+    def torque_on(self, raw: int) -> bool:
+        """Braked is not driven."""
+        return raw == TorqueControl.ON
+
+    def moving(self, target: Target) -> Procedure[bool]:
+        """Moving, and not yet in position: the moving flag alone stays for Stop Detection Period, 302 ms."""
+        ack = yield from ask(stat(target.id))
+        return ack.status_detail & (StatusDetail.MOVING | StatusDetail.INPOSITION) == StatusDetail.MOVING
+
+    def stop(self, target: Target) -> Procedure[None]:
+        """Send a JOG with the stop flag; beside it speed 0 or the present position, in case they count (H-82)."""
+        stance = yield from self.stance(target)
+        if stance.turning:
+            yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
+        else:
+            yield from _jog(target, Jog(target.id, _nearest(target, stance), stop=True))
+
+    def torque(self, target: Target, on: bool) -> Procedure[None]:
+        """Switch torque. The servo itself takes the present position as its goal (H-51).
+
+        Raises Refused if the torque stays off: while an error of its Torque Policy stands the servo does not
+        switch it on (H-53), and does not say so.
+        """
+        state = TorqueControl.ON if on else TorqueControl.FREE
+        yield from self.write(target, {target.model.register("torque_control"): state})
+        if on:
+            ack = yield from ask(stat(target.id))
+            if ack.status_error and StatusDetail.TORQUE_ON not in ack.status_detail:
+                why = f"because of {show_flags(ack.status_error)}; rearm() clears what is over"
+                raise Refused(f"{target}: torque stays off {why}", ack.status_error)
+
+    def push(self, target: Target) -> Procedure[float]:
+        rows = [target.model.register(name) for name in ("pwm", "max_pwm")]
+        pwm, limit = yield from ask(self.read(target, rows))
+        return abs(pwm) / limit if limit else 0.0
+
+    def brake(self, target: Target) -> Procedure[None]:
+        """Torque Control 0x40 (5-2 RAM 52)."""
+        yield from self.write(target, {target.model.register("torque_control"): TorqueControl.BRAKE})
+
+    def read_alarms(self, target: Target) -> Procedure[int]:
+        """STAT: Status Error, in which every alarm stays until it is cleared (6-3 Example 2)."""
+        return (yield from ask(stat(target.id))).status_error
+
+    def rearm(self, target: Target) -> Procedure[None]:
+        """Clear Status Error and Status Detail, then switch the torque on: it takes the present position (H-51).
+
+        What is wrong shows in Status Error only after ADC Fault Check Period, so supply and temperature are compared
+        with their limits here.
+        """
+        model = target.model
+        if (yield from self.stance(target)).torque:
+            yield from self._clear(target)
+            return
+        names = ("torque_policy", "voltage", "min_voltage", "max_voltage", "temperature", "max_temperature")
+        policy, volts, low, high, celsius, hottest = yield from ask(
+            self.read(target, [model.register(name) for name in names])
+        )
+        standing = StatusError(0)
+        if not low <= volts <= high:
+            standing |= StatusError.INPUT_VOLTAGE
+        if celsius > hottest:
+            standing |= StatusError.TEMPERATURE
+        if not standing & policy:
+            standing = yield from self._clear(target)
+        if standing & policy:
+            said = show_flags(standing & policy)
+            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
+        if (yield from self.stance(target)).turning:
+            # The mode is kept without torque, the speed perhaps too: it shall not go on turning.
+            yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
+        yield from self.torque(target, on=True)
+        if not (yield from self.stance(target)).torque:
+            raise BusError(f"{target}: the torque did not come on")
+
+    def _clear(self, target: Target) -> Procedure[StatusError]:
+        """Write 0 to Status Error and Status Detail; give what stands there afterwards."""
+        clear = {target.model.register(name): 0 for name in ("status_error", "status_detail")}
+        yield from self.write(target, clear)
+        ack = yield from ask(stat(target.id))
+        if ack.status_error:  # by default a write is not answered: it may have been lost
+            yield from self.write(target, clear)
+            ack = yield from ask(stat(target.id))
+        return ack.status_error
+
+    def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
+        """Infinite turn, with controlled speed. Asked for more than it reaches, it obeys late (6-5)."""
+        if speed is None or output is not None:
+            raise cannot(target, "turn at a share of full output", "it controls its speed; give speed in rad/s")
+        fastest = JOG_SPEED.decode(SPEED_LAYOUT.range[1])
+        if not abs(speed) <= fastest:  # so that NaN is refused too
+            raise BadValue(f"{target}: speed {show(speed, 'rad/s')} is beyond {show(fastest, 'rad/s')}")
+        raw = JOG_SPEED.encode(speed)
+        yield from _jog(target, Jog(target.id, raw, ControlMode.INFINITE_TURN, playtime=_TURN_PLAYTIME))
+
+    def position_mode(self, target: Target, limits: tuple[int, int] | None) -> Procedure[None]:
+        if limits is not None:
+            low, high = (target.model.register(name) for name in ("min_position", "max_position"))
+            yield from self.write(target, {low: limits[0], high: limits[1]})
+        stance = yield from self.stance(target)
+        if not stance.turning:
+            return
+        goal = _nearest(target, stance)
+        # Outside its limits the servo would run to the nearest one (H-66). But without torque a JOG changes
+        # nothing except the mode (EH-16), and torque on holds whatever position it finds (H-51).
+        free = stance.torque and goal != _raw_position(target, stance)
+        if free:
+            yield from self.torque(target, on=False)
+        yield from _jog(target, Jog(target.id, goal))
+        if free:
+            yield from self.torque(target, on=True)
+
+    def led(self, target: Target, colour: str) -> Procedure[None]:
+        if colour not in _COLOURS:
+            raise BadValue(f"{target} has no light {colour!r}, only {', '.join(_COLOURS)}")
+        yield from self.write(target, {target.model.register("led_control"): _COLOURS[colour]})
+
+    def reboot(self, target: Target) -> Procedure[None]:
+        if target.notes is not None:
+            target.notes.forget()
+        try:
+            yield from ask(reboot(target.id, answered=_answers(target)))
+        except BusError:
+            yield Pause(BOOT_TIME)  # it may be on its way all the same
+            raise
+        yield Pause(BOOT_TIME)
+
+    def reset(self, target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+        if unknown := keep - _KEEPS.keys():
+            raise cannot(target, f"keep {', '.join(sorted(unknown))}", f"ROLLBACK can keep {', '.join(_KEEPS)}")
+        id, baud = (target.model.register(name) for name in ("id", "baud_rate"))
+        new_id, code = id.default, baud.default
+        if "id" in keep:
+            (new_id,) = yield from ask(self.read_stored(target, [id]))
+        if "baud" in keep:
+            (code,) = yield from ask(self.read_stored(target, [baud]))
+        assert new_id is not None
+        assert code is not None
+        kept = Keep(sum(_KEEPS[name] for name in keep))
+        yield from ask(rollback(target.id, kept, answered=_answers(target)))
+        yield Pause(EEP_TIME)
+        yield from self.reboot(target)
+        return new_id, baud.decode(code)
+
+    def set_id(self, target: Target, id: int) -> Procedure[None]:
+        """Write EEP, then RAM, both under the old id: it changes with the second write (H-36).
+
+        EEP is read back in between. So a servo that goes by the new id keeps it, and one that still goes by the old
+        one can be given it again.
+        """
+        row = target.model.register("id")
+        yield from self._keep(target, row, check_id(id))
+        if id != target.id:
+            yield from self.put(target, {row: id}, keep=False)
+
+    def set_baud(self, target: Target, baud: int) -> Procedure[None]:
+        """Write EEP and restart: Baud Rate acts only then (H-37)."""
+        register = target.model.register("baud_rate")
+        yield from self._keep(target, register, register.encode(baud))
+        yield Pause(EEP_TIME)
+        yield from self.reboot(target)
+
+    def _keep(self, target: Target, row: Register[Any], raw: int) -> Procedure[None]:
+        """Write one register to EEP and nowhere else, until it is there. Raises BusError if it does not get there."""
+        spot = _kept(row)
+        assert spot is not None
+        part = spot, row.layout.pack(raw)
+        if target.answers is Answers.NOTHING:  # then nothing can be made sure of
+            yield from _send(target, [part])
+            return
+        for _ in range(2):
+            (kept,) = yield from ask(self.read_stored(target, [row]))
+            if kept == raw:
+                return
+            if target.notes is not None:
+                target.notes.check_wear(str(target), [row])
+                target.notes.wrote([row])
+            yield from _send(target, [part])
+        (kept,) = yield from ask(self.read_stored(target, [row]))
+        if kept != raw:
+            raise BusError(f"{target} did not keep {row.name} = {raw}: it is {kept}")
+
+    def explain(
+        self,
+        packet: Packet,
+        request: Packet | None = None,  # noqa: ARG002 - the command tells requests from ACKs
+        model: type[Model] | None = None,
+    ) -> str:
+        try:
+            if packet.code & ACK:
+                return say_ack(parse_ack(packet), model)
+            return say_request(parse_request(packet), Code(packet.code), model)
+        except ValueError as error:
+            return f"{error}, {addressed(packet.id)}"
+
+    def question(self, packet: Packet) -> Question | None:
+        """STAT is answered under every ACK Policy and by all, the rest never if it is for all (4-2 NO 8)."""
+        if packet.code & ACK:
+            return None
+        try:
+            message = parse_request(packet)
+        except ValueError:
+            message = None
+        everybody, code = packet.id == BROADCAST, packet.code | ACK
+        if isinstance(message, Stat):
+            return Question(Reply(None if everybody else packet.id, code, (2,)))
+        if everybody:
+            return Question(None)
+        if isinstance(message, EepRead | RamRead):
+            return Question(Reply(packet.id, code, (message.length + 4, 2)))
+        return Question(Reply(packet.id, code, (2,)), certain=False)
+
+
+_Spot: TypeAlias = tuple[Area, int]
+"""An address in one of the two maps."""
+
+
+def _acting(register: Register[Any]) -> _Spot:
+    """Tell where a register acts: in RAM if RAM has it, else in EEP."""
+    match register.place:
+        case Ram(address) | EepRam(ram=address):
+            return Area.RAM, address
+        case Eep(address):
+            return Area.EEPROM, address
+    raise TypeError(f"{register} has no HerkuleX place")
+
+
+def _kept(register: Register[Any]) -> _Spot | None:
+    """Tell where a register survives power-off, if it does."""
+    place = register.place
+    return (Area.EEPROM, place.eep) if isinstance(place, Eep | EepRam) else None
+
+
+def _reading(target: Target, registers: Sequence[Register[Any]], spots: Sequence[_Spot]) -> Reading:
+    """Tell what to ask for registers that stand at the spots given."""
+    if target.answers is Answers.NOTHING:
+        raise cannot(target, "be read", "its ACK Policy is 0; write ack_policy first")
+    wanted = list(zip(registers, spots, strict=True))
+    exchanges: list[Exchange[bytes]] = []
+    found: dict[_Spot, tuple[int, int]] = {}
+    for area, read in ((Area.RAM, ram_read), (Area.EEPROM, eep_read)):
+        inside = [(address, row.layout.size) for row, (home, address) in wanted if home is area]
+        # A second exchange costs 20 bytes, request and frame of the ACK: rather bridge a gap of that size.
+        spans = blocks(inside, gap=20, longest=MAX_DATA - 4)
+        for address, _ in inside:
+            n, at = within(spans, address)
+            found[area, address] = len(exchanges) + n, at
+        exchanges += [read(target.id, *span) for span in spans]
+    places = []
+    for row, spot in wanted:
+        n, at = found[spot]
+        places.append((n, slice(at, at + row.layout.size), row.layout))
+    return Reading(tuple(exchanges), tuple(places))
+
+
+def _send(target: Target, parts: Iterable[tuple[_Spot, bytes]]) -> Procedure[None]:
+    """Write to EEP, then to RAM from the top down.
+
+    So ID and ACK Policy, RAM 0 and 1, come last: what followed them would have to go by the new ones.
+    """
+    maps: dict[Area, dict[int, bytes]] = {Area.EEPROM: {}, Area.RAM: {}}
+    for (area, address), data in parts:
+        maps[area][address] = data
+    for address, data in adjacent(maps[Area.EEPROM]):
+        yield from ask(eep_write(target.id, address, data, answered=_answers(target)))
+    for address, data in reversed(adjacent(maps[Area.RAM])):
+        new_policy = address <= ACK_POLICY < address + len(data)
+        yield from ask(ram_write(target.id, address, data, answered=_answers(target) and not new_policy))
+        if new_policy:
+            # Whether the old or the new policy rules the ACK is an assumption (H-30): let one pass unheard.
+            yield Pause(2 * TURNAROUND)
+
+
+def _answers(target: Target) -> bool:
+    return target.answers is Answers.EVERYTHING
+
+
+def _jog(target: Target, jog: Jog) -> Procedure[None]:
+    yield from ask(i_jog(target.id, [jog], answered=_answers(target)))
+
+
+def _playtime(leg: Leg) -> int:
+    """Give a leg's playtime, rounded up: a little slower rather than faster than asked."""
+    playtime = math.ceil(leg.duration / TICK - 1e-6)  # less what the division may have added
+    if playtime > LONGEST_PLAYTIME:
+        longest = show(LONGEST_PLAYTIME * TICK, "s")
+        raise BadValue(f"{leg.target}: a move of {show(leg.duration, 's')} is longer than {longest}")
+    return max(playtime, 1)  # 0 would mean as fast as it can (H-85)
+
+
+def _raw_position(target: Target, stance: Stance) -> int:
+    return target.model.register("calibrated_position").scale.encode(stance.position)
+
+
+def _nearest(target: Target, stance: Stance) -> int:
+    """Give the goal nearest to where the servo is: the very place, if it is within its limits."""
+    return min(max(_raw_position(target, stance), stance.low), stance.high)

@@ -1,0 +1,329 @@
+"""The verbs of the LewanSoul bus servos. Packets and their sources: servobus.families.lewansoul.protocol."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ask, sent
+from servobus.core.framing import Packet
+from servobus.core.ids import BROADCAST, check_id
+from servobus.core.registers import Area, Pair, Register
+from servobus.core.units import Flags
+from servobus.errors import BadValue, BusError, Refused
+from servobus.families.base import (
+    Answers,
+    Family,
+    Identity,
+    Leg,
+    Model,
+    Question,
+    Reading,
+    Stance,
+    Target,
+    cannot,
+    check_output,
+)
+from servobus.families.explain import addressed, show_value
+from servobus.families.lewansoul.protocol import (
+    BAUD,
+    FRAMING,
+    FULL_OUTPUT,
+    Alarm,
+    Answer,
+    Command,
+    Mode,
+    Request,
+    angle_offset_write,
+    length_of,
+    mode_write,
+    move_start,
+    move_stop,
+    move_time_wait_write,
+    move_time_write,
+    parse_answer,
+    parse_request,
+    places_of,
+    question,
+    send,
+    values_of,
+)
+
+WATCH = 0.05
+"""s between the two looks that tell whether a servo moves."""
+
+FAR = 20
+"""Units (4.8°) from its goal from which on a servo that stands still is taken to be blocked; assumption."""
+
+_LIMITS = (Command.SERVO_ANGLE_LIMIT_WRITE, Command.SERVO_VIN_LIMIT_WRITE)
+"""The lower value must be below the upper (points 12, 14); else the servo ignores both in silence (L-47)."""
+
+
+class Lewansoul(Family):
+    name = "lewansoul"
+    title = "LewanSoul bus servo protocol"
+    framing = FRAMING
+    default_baud = BAUD
+    bauds = (BAUD,)
+    max_move_time = 30.0
+    drives = frozenset({"mode", "motor_speed"})
+    fickle = frozenset(
+        {"goal_position", "goal_time", "wait_goal_position", "wait_goal_time", "mode", "motor_speed"}
+    )  # a move and a mode are given by other ways too
+
+    def ping(self, id: int) -> Exchange[None]:
+        return question(check_id(id), Command.SERVO_ID_READ, sent)
+
+    def identify(self, id: int) -> Procedure[Identity]:
+        """Only presence can be found out: the protocol has no question for model or firmware."""
+        yield from ask(self.ping(id))
+        return Identity(None, "", Answers.READS)
+
+    def markers(self, id: int) -> Sequence[Exchange[Any]]:
+        """Any questions: an answer tells the command it answers."""
+        codes = (Command.SERVO_ID_READ, Command.SERVO_LED_CTRL_READ, Command.SERVO_LED_ERROR_READ)
+        return [_parameters(id, code) for code in codes]
+
+    def reading(self, target: Target, registers: Sequence[Register[Any]]) -> Reading:
+        """Ask each read command once, however many of the registers stand in its answer."""
+        codes = list(dict.fromkeys(_pair(register).read for register in registers))
+        places = tuple((codes.index(_pair(row).read), _bytes(row), row.layout) for row in registers)
+        return Reading(tuple(_parameters(target.id, code) for code in codes), places)
+
+    def put(
+        self, target: Target, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
+    ) -> Procedure[None]:
+        """Send each command once; parameters that are not given are read first and sent back unchanged.
+
+        The servo saves by itself, except the offset, which command 18 saves.
+        """
+        fresh = {register: raw for register, raw in values.items() if register not in same}
+        yield from self._write(target, fresh, save=keep)
+
+    def wears(self, register: Register[Any], *, keep: bool) -> bool:
+        return register.area is Area.EEPROM and (keep or not _is_offset(register))
+
+    def stored_is_told(self, register: Register[Any]) -> bool:
+        """Command 19 tells the offset in use, which command 18 may not have saved yet."""
+        return not _is_offset(register)
+
+    def stance(self, target: Target) -> Procedure[Stance]:
+        names = ("present_position", "torque_enable", "min_position", "max_position", "mode")
+        rows = [target.model.register(name) for name in names]
+        position, torque, low, high, mode = yield from ask(self.read(target, rows))
+        return Stance(rows[0].decode(position), bool(torque), low, high, turning=mode == Mode.MOTOR)
+
+    def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
+        """Several legs are kept first and start with one broadcast, which starts any older kept move too."""
+        give = move_time_write if len(legs) == 1 else move_time_wait_write
+        times = [leg.target.model.register("goal_time").encode(leg.duration) for leg in legs]
+        for leg, time in zip(legs, times, strict=True):
+            yield from ask(give(leg.target.id, leg.goal, time))
+        if len(legs) > 1:
+            yield from ask(move_start())
+
+    def goals(self, goals: Mapping[Target, int], time: float) -> list[Exchange[None]]:
+        """Have each keep its move, and start them together; see `launch`."""
+        give = move_time_write if len(goals) == 1 else move_time_wait_write
+        moves = [give(target.id, raw, target.model.register("goal_time").encode(time)) for target, raw in goals.items()]
+        return moves if len(moves) == 1 else [*moves, move_start()]
+
+    def moving(self, target: Target) -> Procedure[bool]:
+        """Compare two positions: no flag tells. Slower than one unit in 50 ms (4.8°/s) counts as rest."""
+        row = [target.model.register("present_position")]
+        before = yield from ask(self.read(target, row))
+        yield Pause(WATCH)
+        after = yield from ask(self.read(target, row))
+        return before != after
+
+    def stop(self, target: Target) -> Procedure[None]:
+        # First what ends a move, then the question that costs time. What command 12 does in motor mode
+        # is not said, so there the speed is set to 0.
+        yield from ask(move_stop(target.id))
+        if (yield from self._mode(target)) == Mode.MOTOR:
+            yield from ask(mode_write(target.id, Mode.MOTOR, 0))
+
+    def torque(self, target: Target, on: bool) -> Procedure[None]:
+        """Nothing jumps: a servo that is loaded holds the angle at which it is (L-70, assumption)."""
+        yield from self.write(target, {target.model.register("torque_enable"): int(on)})
+
+    def push(self, target: Target) -> Procedure[float]:
+        """Nothing tells the output: one that holds and is not near its goal is taken to push with all it has."""
+        names = ("torque_enable", "mode", "goal_position", "present_position")
+        rows = [target.model.register(name) for name in names]
+        torque, mode, goal, here = yield from ask(self.read(target, rows))
+        return float(torque and mode == Mode.POSITION and abs(goal - here) > FAR)
+
+    def read_alarms(self, target: Target) -> Procedure[Alarm]:
+        """Compare temperature and supply with their limits: no packet tells the alarms, and none a locked rotor."""
+        names = ("present_temperature", "max_temperature", "present_voltage", "min_voltage", "max_voltage")
+        rows = [target.model.register(name) for name in names]
+        celsius, hottest, volts, low, high = yield from ask(self.read(target, rows))
+        alarms = Alarm(0)
+        if celsius > hottest:
+            alarms |= Alarm.OVER_TEMPERATURE
+        if not low <= volts <= high:
+            alarms |= Alarm.OVER_VOLTAGE
+        return alarms
+
+    def rearm(self, target: Target) -> Procedure[None]:
+        """Unload, make the present position the goal, load: of itself it would go on with its last move (16).
+
+        What became of a move that was given without torque is not said (L-69): the one to where it is replaces it.
+        """
+        standing = yield from self.read_alarms(target)
+        if standing:
+            said = Flags(Alarm).show(standing)
+            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
+        stance = yield from self.stance(target)
+        if stance.torque:
+            return
+        yield from self.torque(target, on=False)
+        if stance.turning:
+            yield from ask(mode_write(target.id, Mode.MOTOR, 0))
+        else:
+            (here,) = yield from ask(self.read(target, [target.model.register("present_position")]))
+            if stance.low <= here <= stance.high:  # else it would run to the nearer limit
+                yield from ask(move_time_write(target.id, here, 0))
+        yield from self.torque(target, on=True)
+        if not (yield from self.stance(target)).torque:
+            raise BusError(f"{target}: the torque did not come on")
+
+    def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
+        """Motor mode: the "speed" of the manual is a duty, nothing measures how fast it turns."""
+        if output is None or speed is not None:
+            raise cannot(target, "turn at a given speed", "motor mode has no speed control; give output=-1..1")
+        duty = round(check_output(output) * FULL_OUTPUT)
+        yield from ask(mode_write(target.id, Mode.MOTOR, duty))
+
+    def position_mode(self, target: Target, limits: tuple[int, int] | None) -> Procedure[None]:
+        """Motor mode leaves the angle limits alone, so `limits` are written only where they are given."""
+        if limits is not None:
+            rows = (target.model.register("min_position"), target.model.register("max_position"))
+            yield from self.write(target, {row: row.check(raw) for row, raw in zip(rows, limits, strict=True)})
+        if (yield from self._mode(target)) == Mode.MOTOR:
+            yield from ask(mode_write(target.id, Mode.POSITION))
+
+    def led(self, target: Target, colour: str) -> Procedure[None]:
+        if colour not in ("on", "off"):
+            raise BadValue(f"{target} has one light: on or off, not {colour!r}")
+        led = target.model.register("led")
+        yield from self.write(target, {led: led.encode(colour == "on")})
+
+    def reboot(self, target: Target) -> Procedure[None]:
+        yield from ()  # a procedure without steps
+        raise cannot(target, "be rebooted", "the protocol has no such command; switch its power off and on")
+
+    def reset(self, target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:  # noqa: ARG002
+        yield from ()  # a procedure without steps
+        why = "the protocol has no such command; restore a backup, or set the registers one by one"
+        raise cannot(target, "be reset", why)
+
+    def set_id(self, target: Target, id: int) -> Procedure[None]:
+        yield from self.write(target, {target.model.register("id"): check_id(id)})
+
+    def set_baud(self, target: Target, baud: int) -> Procedure[None]:
+        yield from ()  # a procedure without steps
+        raise cannot(target, f"talk at {baud} baud", f"its speed is fixed at {BAUD} (manual 2)")
+
+    def explain(
+        self,
+        packet: Packet,
+        request: Packet | None = None,  # noqa: ARG002 - the length tells questions from answers
+        model: type[Model] | None = None,
+    ) -> str:
+        try:
+            return _say(parse_request(packet), model)
+        except ValueError as error:
+            problem = f"{error}, {addressed(packet.id)}"
+        try:
+            return f"answer to {_say(parse_answer(packet), model)}"
+        except ValueError:
+            return problem
+
+    def question(self, packet: Packet) -> Question | None:
+        """Only reads are answered; of those to all, SERVO_ID_READ alone (manual 3)."""
+        try:
+            command = parse_request(packet).command
+        except ValueError:
+            return None
+        everybody = packet.id == BROADCAST
+        if not command.reply or (everybody and command is not Command.SERVO_ID_READ):
+            return Question(None)
+        return Question(Reply(None if everybody else packet.id, int(command), (length_of(command.reply),)))
+
+    def _mode(self, target: Target) -> Procedure[int]:
+        (mode,) = yield from ask(self.read(target, [target.model.register("mode")]))
+        return mode
+
+    def _write(self, target: Target, values: Mapping[Register[Any], int], *, save: bool) -> Procedure[None]:
+        for command, group in _by_command(values):
+            data = yield from self._rest(target, command, group)
+            for register, raw in group.items():
+                data[_bytes(register)] = register.layout.pack(raw)
+            parameters = values_of(command, command.params, bytes(data))
+            if command in _LIMITS and parameters[0] >= parameters[1]:
+                low, high = parameters
+                raise BadValue(f"{target}: the lower limit {low} is not below the upper one, {high} (raw)")
+            yield from ask(send(target.id, command, *parameters))
+            if save and command is Command.SERVO_ANGLE_OFFSET_ADJUST:
+                yield from ask(angle_offset_write(target.id))
+
+    def _rest(self, target: Target, command: Command, group: Mapping[Register[Any], int]) -> Procedure[bytearray]:
+        """Give the command's parameters as they are in the servo, or zeros where all of them are given."""
+        given = {_pair(register).at for register in group}
+        if given >= {at for name, _, at in places_of(command.params) if name != "null"}:
+            return bytearray(length_of(command.params))
+        old = yield from ask(_parameters(target.id, _pair(next(iter(group))).read))
+        return bytearray(old)
+
+
+def _pair(register: Register[Any]) -> Pair:
+    assert isinstance(register.place, Pair)
+    return register.place
+
+
+def _is_offset(register: Register[Any]) -> bool:
+    return _pair(register).write == Command.SERVO_ANGLE_OFFSET_ADJUST
+
+
+def _bytes(register: Register[Any]) -> slice:
+    """Tell where the register stands among the parameters of its commands."""
+    at = _pair(register).at
+    return slice(at, at + register.layout.size)
+
+
+def _parameters(id: int, code: int) -> Exchange[bytes]:
+    return question(id, Command(code), lambda packet: packet.data)
+
+
+def _by_command(values: Mapping[Register[Any], int]) -> list[tuple[Command, dict[Register[Any], int]]]:
+    """Group registers by the command that writes them; the id comes last, it is another from there on."""
+    groups: dict[Command, dict[Register[Any], int]] = {}
+    for register, raw in values.items():
+        code = _pair(register).write
+        if code is None:
+            raise BadValue(f"{register.model} {register.name} can only be read")
+        groups.setdefault(Command(code), {})[register] = raw
+    for command, group in groups.items():
+        for register in group:
+            if not _pair(register).alone and not any(_pair(other).at == 0 for other in group):
+                what = f"{register.model} {register.name}"
+                raise BadValue(f"{what} cannot be written alone: {command.name} would repeat the last move")
+    return sorted(groups.items(), key=lambda item: item[0] is Command.SERVO_ID_WRITE)
+
+
+def _say(message: Request | Answer, model: type[Model] | None) -> str:
+    """Name the command and its values: as registers of the model, or as the protocol names its parameters."""
+    command = message.command
+    fields = command.params if isinstance(message, Request) else command.reply
+    rows = {
+        row.place.at: row
+        for row in (model.registers.values() if model else ())
+        if isinstance(row.place, Pair) and command in (row.place.write, row.place.read)
+    }
+    said = [
+        show_value(rows[at], value) if at in rows else f"{name} {value}"
+        for (name, _, at), value in zip(places_of(fields), message.values, strict=True)
+        if name != "null"
+    ]
+    head = f"{command.name} {addressed(message.id)}"
+    return f"{head}: {', '.join(said)}" if rows and said else ", ".join([head, *said])

@@ -1,0 +1,129 @@
+"""What is known of one servo beside its registers: how often its EEPROM was written, and what its RAM should hold.
+
+The notes travel with the servo's `Target`, so that every write passes them, whichever verb it comes from. A
+target without notes is written to as asked, without a look at what is there.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Literal, TypeAlias
+
+from servobus.core.registers import EepRam, Register
+from servobus.errors import BadValue, EepromWear, Stopped
+
+MOST = 10
+"""Writes of one EEPROM register that are let through within WINDOW. Assumption: no manual says how many an EEPROM
+bears; usual ones bear 100 000, which a loop of 100 Hz would use up in 17 minutes."""
+WINDOW = 60.0
+"""s"""
+
+SafeAction: TypeAlias = Literal["hold", "free", "brake"]
+"""What makes a servo safe: end the motion and hold the present position, torque off, or short its motor."""
+
+
+class Notes:
+    """Notes on one servo.
+
+    clock           seconds that never go back; by it the brake on EEPROM writes counts. Assumption: the
+                    computer's own clock, even where the servo lives on a virtual one
+    most            EEPROM writes of one register within WINDOW, 1 or more; None takes the brake off
+    eeprom_writes   values written to its EEPROM so far
+    ram             raw values that we gave it and that it keeps by itself until it restarts
+    restarted       whether it lost them, so that it must not be moved before the torque is switched on anew
+    max_step        farthest that one goal may lie from where it is, rad; None for no limit
+    safe_action     what makes it safe; None: nobody chose, so it is "hold"
+    driven          whether we switched it on or set it in motion, and nothing has ended that since
+    held            whether it was stopped since
+    halted          why it must not be moved now; "" if it may
+    slow            share of the speed asked for with which it is moved
+    gate            called before it is set in motion; what it raises forbids that
+    attend          called while somebody waits for it, or sends goals again and again; what it raises ends that
+    """
+
+    __slots__ = (
+        "_recent", "attend", "clock", "driven", "eeprom_writes", "gate", "halted", "held", "max_step", "most", "ram",
+        "restarted", "safe_action", "slow",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.clock: Callable[[], float] = time.monotonic
+        self.most: int | None = MOST
+        self.eeprom_writes = 0
+        self.ram: dict[Register[Any], int] = {}
+        self.restarted = False
+        self.max_step: float | None = None
+        self.safe_action: SafeAction | None = None
+        self.driven = self.held = False
+        self.halted = ""
+        self.slow = 1.0
+        self.gate: Callable[[], None] | None = None
+        self.attend: Callable[[], None] | None = None
+        self._recent: dict[str, list[float]] = {}
+        """Register -> times of its last writes."""
+
+    def check_wear(self, who: str, registers: Iterable[Register[Any]]) -> None:
+        """Raise EepromWear if one of these was written too often lately."""
+        if self.most is None:
+            return
+        now = self.clock()
+        for register in registers:
+            written = self._lately(register, now)
+            if len(written) < self.most:
+                continue
+            wait = math.ceil(WINDOW - (now - written[-self.most]))
+            instead = (
+                "write() sets it in RAM, which does not wear out"
+                if isinstance(register.place, EepRam)
+                else "use a register in RAM if one does the same"
+            )
+            raise EepromWear(
+                f"{who}: {register.name} was written to EEPROM {len(written)} times within {WINDOW:g} s, and an EEPROM "
+                f"wears out; {instead}, or wait {wait} s. It was not written"
+            )
+
+    def wrote(self, registers: Iterable[Register[Any]]) -> None:
+        """Count values that went to the EEPROM."""
+        now = self.clock()
+        for register in registers:
+            self.eeprom_writes += 1
+            self._recent[register.name] = [*self._lately(register, now), now]
+
+    def _lately(self, register: Register[Any], now: float) -> list[float]:
+        return [moment for moment in self._recent.get(register.name, ()) if now - moment < WINDOW]
+
+    def set(self, values: Mapping[Register[Any], int]) -> None:
+        """Note values that the servo has in RAM now."""
+        self.ram.update(values)
+
+    def forget(self, registers: Iterable[Register[Any]] | None = None) -> None:
+        """Expect nothing of these RAM values any more, or of all."""
+        for register in list(self.ram if registers is None else registers):
+            self.ram.pop(register, None)
+
+    def go(self) -> None:
+        """Take note that it is set in motion or switched on now. Raises Stopped if that must not be."""
+        if self.halted:
+            raise Stopped(self.halted)
+        if self.gate is not None:
+            self.gate()
+        self.driven, self.held = True, False
+
+    def rest(self) -> None:
+        """Take note that nothing we did moves it or holds it any more."""
+        self.driven = self.held = False
+
+    def check_step(self, who: str, distance: float) -> None:
+        """Raise BadValue if a goal lies farther off than `max_step`; `distance` in rad."""
+        if self.max_step is not None and not distance <= self.max_step:
+            raise BadValue(
+                f"{who}: {math.degrees(distance):.1f}° in one step is more than its max_step, "
+                f"{math.degrees(self.max_step):.1f}°; go in smaller steps"
+            )
+
+
+def check_max_step(step: float | None) -> float | None:
+    """Give a limit of one step in rad back, or raise BadValue."""
+    if step is not None and not 0 < step < math.inf:
+        raise BadValue(f"max_step {step} is not an angle above 0 (None is no limit)")
+    return step

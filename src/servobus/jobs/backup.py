@@ -1,0 +1,102 @@
+"""Backing up and restoring the settings of a servo: what survives power-off, in a file that people can read."""
+
+from typing import Any
+
+from servobus.core.exchange import Procedure, ask
+from servobus.core.registers import Area, Register
+from servobus.core.values import frozen
+from servobus.errors import BusError, UsageError
+from servobus.families import registry
+from servobus.families.base import Model, Target
+
+
+@frozen
+class Backup:
+    """All settings of a servo that survive power-off, raw, with what they belong to."""
+
+    model: type[Model]
+    firmware: str
+    id: int
+    baud: int
+    values: dict[str, int]
+
+    def text(self) -> str:
+        """Write it as a TOML file that people can read: raw values, each with its meaning beside it."""
+        lines = [
+            "# Settings of a servo, written by `servobus backup`.",
+            f'model = "{self.model.key()}"',
+            f'firmware = "{self.firmware}"',
+            f"id = {self.id}",
+            f"baud = {self.baud}",
+            "",
+            "[settings]  # raw values",
+        ]
+        for name, raw in self.values.items():
+            row = self.model.registers[name]
+            try:
+                shown = row.show(row.decode(raw))
+            except ValueError:
+                shown = "no known meaning"
+            lines.append(f"{f'{name} = {raw}':<42} # {shown}: {row.meaning}")
+        return "\n".join(lines) + "\n"
+
+    @classmethod
+    def parse(cls, text: str) -> "Backup":
+        """Read a backup file. Raises UsageError for anything that is not one."""
+        import tomllib  # noqa: PLC0415 - slow to import, and only needed to restore
+
+        try:
+            data = tomllib.loads(text)
+            model = registry.model(data["model"])
+            values = {name: int(raw) for name, raw in data["settings"].items()}
+            backup = cls(model, str(data["firmware"]), int(data["id"]), int(data["baud"]), values)
+        except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
+            raise UsageError(f"this is not a backup file: {error}") from None
+        for name, raw in values.items():
+            register = model.register(name)
+            if not register.accepts(raw):
+                raise UsageError(f"the backup is damaged: {register.name} = {raw} is not {register.range_text()}")
+        return backup
+
+
+def _settings(model: type[Model]) -> list[Register[Any]]:
+    """List what a backup holds: every register that can be written and survives power-off."""
+    return [row for row in model.registers.values() if row.area is Area.EEPROM and row.writable]
+
+
+def _identity_names(model: type[Model]) -> set[str]:
+    """Name the registers that say who a servo is rather than how it behaves."""
+    return {"id", model.aliases.get("baud", "baud")}
+
+
+def backup(target: Target, firmware: str, baud: int) -> Procedure[Backup]:
+    """Read all settings that survive power-off."""
+    rows = _settings(target.model)
+    values = yield from ask(target.model.family.read_stored(target, rows))
+    return Backup(
+        target.model,
+        firmware,
+        target.id,
+        baud,
+        {row.name: raw for row, raw in zip(rows, values, strict=True)},
+    )
+
+
+def restore(target: Target, saved: Backup) -> Procedure[list[str]]:
+    """Write the settings that differ from the backup; id and speed stay as they are. Gives their names."""
+    if saved.model is not target.model:
+        raise UsageError(
+            f"the backup belongs to model {saved.model.title}, {target} is another model; nothing was written"
+        )
+    skip = _identity_names(target.model)
+    rows = [row for row in _settings(target.model) if row.name in saved.values and row.name not in skip]
+    present = yield from ask(target.model.family.read_stored(target, rows))
+    changes = {
+        row: saved.values[row.name] for row, raw in zip(rows, present, strict=True) if raw != saved.values[row.name]
+    }
+    yield from target.model.family.store(target, changes)
+    after = yield from ask(target.model.family.read_stored(target, list(changes)))
+    wrong = [row.name for row, raw in zip(changes, after, strict=True) if raw != changes[row]]
+    if wrong:
+        raise BusError(f"{target} did not take {', '.join(wrong)}")
+    return [row.name for row in changes]

@@ -1,0 +1,164 @@
+"""Heat and stall: when a servo is warned of, weakened, and made safe.
+
+`Guard` only judges: it has no bus and no clock. `protect` reads one servo, has its guard judge, and acts.
+
+    OK      cool, and it moves if it pushes
+    WARN    near its temperature limit: somebody is told
+    DERATE  nearer: it gets half its strength, or half its speed where it has no register for that
+    SAFE    at the limit, or it pushes and has not moved for a while: its safe action, and no motion until that is over
+"""
+
+from enum import IntEnum
+
+from servobus.core.exchange import Procedure, ask
+from servobus.core.units import deg
+from servobus.core.values import frozen
+from servobus.errors import BadValue
+from servobus.families.base import Target
+from servobus.families.record import SafeAction
+from servobus.jobs import procedures
+
+STILL = 1 * deg
+"""Way that counts as motion; assumption: more than the play and the noise of all three."""
+
+
+class Level(IntEnum):
+    """How bad it is."""
+
+    OK = 0
+    WARN = 1
+    DERATE = 2
+    SAFE = 3
+
+
+@frozen
+class Thresholds:
+    """When a servo reaches which level. All defaults are assumptions; no manual says any.
+
+    warn, derate   °C below the limit that is set in the servo
+    back           °C that it must be cooler again before a level ends
+    push           share of the output it is allowed, from which on it pushes
+    stall          s for which it pushes without moving; less than the 0.6 s after which a DRS-0602 itself gives up
+    """
+
+    warn: float = 10.0
+    derate: float = 5.0
+    back: float = 2.0
+    push: float = 0.8
+    stall: float = 0.5
+
+    def check(self) -> "Thresholds":
+        """Give them back. Raises BadValue if they contradict each other."""
+        if not (self.warn >= self.derate >= 0 and self.back >= 0 and 0 < self.push <= 1 and self.stall > 0):
+            raise BadValue(f"{self}: warn must be at least derate, push a share, and none below 0")
+        return self
+
+
+class Guard:
+    """Judges one servo by what is read of it now and then."""
+
+    def __init__(self, limit: float, thresholds: Thresholds | None = None) -> None:
+        self.limit = limit
+        self.thresholds = (thresholds or Thresholds()).check()
+        self.level = Level.OK
+        self.stalled = False
+        self._heat = Level.OK
+        self._since: tuple[float, float] | None = None
+        """Time and position since which it pushes without moving."""
+
+    def judge(self, now: float, temperature: float, push: float, position: float) -> Level:
+        """Give the level at this time in s, from °C, the share of its allowed output, and rad."""
+        self._heat = self._judge_heat(temperature)
+        self.stalled = self._judge_stall(now, push, position)
+        self.level = Level.SAFE if self.stalled else self._heat
+        return self.level
+
+    def _judge_heat(self, temperature: float) -> Level:
+        bounds = self.thresholds
+        starts = {
+            Level.SAFE: self.limit,
+            Level.DERATE: self.limit - bounds.derate,
+            Level.WARN: self.limit - bounds.warn,
+        }
+        for level, start in starts.items():
+            # A level that is reached ends later than it began, so that it does not flap.
+            if temperature >= (start - bounds.back if self._heat >= level else start):
+                return level
+        return Level.OK
+
+    def _judge_stall(self, now: float, push: float, position: float) -> bool:
+        if abs(push) < self.thresholds.push:
+            self._since = None
+            return False
+        if self._since is None or abs(position - self._since[1]) >= STILL:
+            self._since = now, position
+        return now - self._since[0] >= self.thresholds.stall
+
+
+class Protection:
+    """Keeps one servo from burning: its guard, and what was taken from it."""
+
+    def __init__(self, guard: Guard) -> None:
+        self.guard = guard
+        self.strength: int | None = None
+        """What its strength was before it was halved, raw."""
+
+    def act(self, target: Target, level: Level, action: SafeAction) -> Procedure[None]:
+        """Do what the level asks for, and undo what it does not ask for any more."""
+        notes = target.notes
+        assert notes is not None
+        if level >= Level.DERATE:
+            yield from self._weaken(target)
+        else:
+            yield from self._strengthen(target)
+        if level < Level.SAFE:
+            notes.halted = ""
+            return
+        why = "it pushed without moving" if self.guard.stalled else f"it reached {self.guard.limit:g} °C"
+        notes.halted = f"{target} is not moved: {why}; protect() allows it again when that is over"
+        if notes.driven:
+            yield from procedures.make_safe(target, action)
+
+    def _weaken(self, target: Target) -> Procedure[None]:
+        name, notes = target.model.family.strength, target.notes
+        assert notes is not None
+        if not name:
+            notes.slow = 0.5
+            return
+        row = target.model.register(name)
+        (strength,) = yield from ask(target.model.family.read(target, [row]))
+        if strength > (1 if self.strength is None else self.strength // 2):  # after a restart it has all again
+            yield from target.model.family.write(target, {row: strength // 2})
+            self.strength = strength
+
+    def _strengthen(self, target: Target) -> Procedure[None]:
+        if target.notes is not None:
+            target.notes.slow = 1.0
+        if self.strength is not None:
+            row = target.model.register(target.model.family.strength)
+            (strength,) = yield from ask(target.model.family.read(target, [row]))
+            if strength == self.strength // 2:  # an RX-28 that has shut down has none, and would jump if it got some
+                yield from target.model.family.write(target, {row: self.strength})
+            self.strength = None
+
+
+def protection(target: Target, thresholds: Thresholds) -> Procedure[Protection]:
+    """Make the protection of a servo: its limit is the one set in it."""
+    row = target.model.register("max_temperature")
+    (raw,) = yield from ask(target.model.family.read(target, [row]))
+    return Protection(Guard(row.decode(raw), thresholds))
+
+
+def protect(target: Target, protection: Protection, now: float, action: SafeAction) -> Procedure[Level]:
+    """Read the servo, judge it, and act."""
+    family = target.model.family
+    names = ("present_temperature", "present_position")
+    rows = [target.model.register(name) for name in names]
+    temperature, position = yield from ask(family.read(target, rows))
+    notes = target.notes
+    # Of one that we do not drive, or have stopped, a goal that it never reached says nothing.
+    pushing = notes is not None and notes.driven and not notes.held
+    push = (yield from family.push(target)) if pushing else 0.0
+    level = protection.guard.judge(now, rows[0].decode(temperature), push, rows[1].decode(position))
+    yield from protection.act(target, level, action)
+    return level

@@ -1,0 +1,246 @@
+"""A servo that is not there: registers, firmware and a shaft.
+
+    memory    what its registers hold
+    firmware  how it answers packets and what it commands: one subclass for each family
+    shaft     how the output follows
+
+Nothing here has a clock or a thread. Whoever owns a servo tells it the time: `advance(now)` before
+anything is observed or heard, and as often or as rarely as pleases; the firmware counts its own ticks.
+"""
+
+import importlib
+import math
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, TypeAlias
+
+from servobus.core.framing import Corrupt, Packet
+from servobus.core.ids import check_id
+from servobus.core.registers import Register
+from servobus.errors import BadValue, UnknownName, UsageError
+from servobus.families.base import Family, Model
+from servobus.virtual.device.memory import Memory
+from servobus.virtual.device.motor_data import motor
+from servobus.virtual.physics.motor import no_load_speed
+from servobus.virtual.physics.shaft import Rail, Shaft
+
+Replies: TypeAlias = list[tuple[float, bytes]]
+"""What a servo sends: (seconds after the last bit of what it heard, bytes)."""
+
+ROOM_TEMPERATURE = 25.0
+"""degC; assumption, where nothing else is said."""
+
+
+class VirtualServo(ABC):
+    """A servo of some family. Subclass it with `family=` to give a family its firmware.
+
+    What the firmware listens to is kept in plain attributes, because the line sorts servos by them:
+
+    id               the id it answers to now
+    baud             its speed now, bit/s
+    garbage_timeout  longest pause inside a packet, s
+    deaf_until       time before which it hears nothing, because it restarts
+    """
+
+    tick: ClassVar[float]
+    """Seconds between two runs of the control loop."""
+    family: ClassVar[type[Family]]
+    _kinds: ClassVar[dict[type[Family], type["VirtualServo"]]] = {}
+
+    id: int
+    baud: float
+    garbage_timeout: float
+
+    def __init_subclass__(cls, family: type[Family] | None = None, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if family is not None:
+            cls.family = family
+            VirtualServo._kinds[family] = cls
+
+    def __init__(
+        self,
+        model: type[Model],
+        id: int | None = None,
+        *,
+        voltage: float | None = None,
+        temperature: float = ROOM_TEMPERATURE,
+        position: float | None = None,
+        motor_set: str | None = None,
+        now: float = 0.0,
+    ) -> None:
+        """Take a servo out of its box, give it an id, and switch it on.
+
+        id           None leaves the factory id
+        voltage      supply in V; the model's nominal voltage by default
+        temperature  of the case, degC
+        position     of the shaft, rad; `home` by default
+        motor_set    name of a set of motor data in servobus.virtual.device.motor_data; the manual's by default
+        """
+        low, high = model.sheet.voltage
+        self.model = model
+        self.memory = Memory(model)
+        if id is not None:
+            self.memory.store(model.register("id"), check_id(id))
+        supply = voltage if voltage is not None else model.sheet.nominal_voltage or (low + high) / 2
+        start = self.home if position is None else position
+        self.shaft = Shaft(motor(model, motor_set), start, self.tick, Rail(supply))
+        self.temperature = temperature
+        self.deaf_until = -math.inf
+        self.powered = False
+        self.time = now
+        """Time up to which everything has happened."""
+        self.power_on(now)
+
+    def __repr__(self) -> str:
+        return f"<virtual {self.model.title} id {self.id}>"
+
+    # What the firmware of a family does
+
+    @abstractmethod
+    def start(self) -> None:
+        """Begin as after power-on, with memory already in that state. Sets what the servo listens to."""
+
+    @abstractmethod
+    def hear(self, event: Packet | Corrupt, now: float) -> Replies:
+        """Act on a packet to this servo's id, or to all, whose last bit came now; give the replies."""
+
+    def garbage(self, now: float) -> None:  # noqa: B027 - most firmware just forgets
+        """Take note that an incomplete packet was dropped after a pause."""
+
+    @abstractmethod
+    def control(self, ticks: int) -> None:
+        """Run the control loop this many times: protections, profile, shaft."""
+
+    @property
+    @abstractmethod
+    def torque(self) -> bool:
+        """Whether the motor holds the shaft."""
+
+    @property
+    @abstractmethod
+    def led(self) -> str:
+        """What the light shows now: "off", "red", "green+blue" ..."""
+
+    @property
+    def home(self) -> float:
+        """Where the shaft stands in a servo out of its box, rad. Assumption: the middle of its range."""
+        return self.model.sheet.angle / 2
+
+    # Life
+
+    def power_on(self, now: float) -> None:
+        """Switch the supply on."""
+        self.powered = True
+        self.time = self.started = now
+        self._ticks = 0
+        self.deaf_until = -math.inf
+        self.shaft.rest()
+        self.memory.power_on()
+        self.start()
+
+    def power_off(self) -> None:
+        """Switch the supply off: the shaft is free, the RAM is lost, the EEPROM is not."""
+        self.powered = False
+        self.shaft.rest()
+
+    def advance(self, now: float) -> None:
+        """Bring motion and protections up to now.
+
+        Voltage and temperature are taken to have been what they are since the last call.
+        """
+        if self.powered:
+            # A time that should be a whole number of ticks can be a rounding error short of it.
+            ticks = math.floor((now - self.started) / self.tick + 1e-6) - self._ticks
+            self.time = max(self.time, now)
+            if ticks > 0:
+                self._ticks += ticks
+                self.control(ticks)
+
+    # Surroundings
+
+    @property
+    def position(self) -> float:
+        """Where the shaft is, rad."""
+        return self.shaft.position
+
+    def turn_shaft(self, position: float) -> None:
+        """Turn the shaft by hand. Raises UsageError while the motor holds it."""
+        if self.powered and self.torque:
+            raise UsageError(f"{self.model.title} id {self.id} holds its shaft: its torque is on")
+        self.shaft.position = position
+
+    @property
+    def voltage(self) -> float:
+        """Supply at the servo's plug, V. Setting it sets the source's voltage, without load."""
+        return self.shaft.rail.voltage
+
+    @voltage.setter
+    def voltage(self, voltage: float) -> None:
+        self.shaft.rail.source = voltage
+
+    @property
+    def temperature(self) -> float:
+        """Of the case, degC. Setting it brings the servo and its surroundings to that temperature."""
+        return self.shaft.case
+
+    @temperature.setter
+    def temperature(self, temperature: float) -> None:
+        self.shaft.soak(temperature)
+
+    @property
+    def trajectory(self) -> float | None:
+        """Where the firmware's profile wants the shaft now, rad; None if it has no such thing."""
+        return None
+
+    @property
+    def top_speed(self) -> float:
+        """The highest speed at the present supply voltage without load, rad/s."""
+        return no_load_speed(self.shaft.motor, self.voltage)
+
+    def store_baud(self, baud: int) -> None:
+        """Set the speed as if a host had stored it before, and start again. Raises BadValue."""
+        try:
+            register = self.model.register("baud")
+        except UnknownName:
+            if baud != self.model.family.default_baud:
+                title, only = self.model.title, self.model.family.default_baud
+                raise BadValue(f"{title} has one speed, {only} baud, and cannot be set to {baud}") from None
+            return
+        self.memory.store(register, register.encode(baud))
+        self.power_on(self.time)
+
+    # Registers by name, for firmware that serves every model of its family
+
+    def get(self, name: str) -> int:
+        """Give the working value of a register, raw."""
+        return self.memory[self.model.register(name)]
+
+    def put(self, name: str, raw: int) -> None:
+        """Set the working value of a register, raw."""
+        self.memory[self.model.register(name)] = raw
+
+    def row(self, name: str) -> Register[Any]:
+        return self.model.register(name)
+
+
+def virtual_servo(
+    model: type[Model],
+    id: int | None = None,
+    *,
+    voltage: float | None = None,
+    temperature: float = ROOM_TEMPERATURE,
+    position: float | None = None,
+    motor_set: str | None = None,
+    now: float = 0.0,
+) -> VirtualServo:
+    """Make a virtual servo of any model; see `VirtualServo` for the arguments."""
+    kind = _firmware(type(model.family))
+    return kind(model, id, voltage=voltage, temperature=temperature, position=position, motor_set=motor_set, now=now)
+
+
+def _firmware(family: type[Family]) -> type[VirtualServo]:
+    """Find the firmware of a family: that of servobus.families.x is in its folder."""
+    if family not in VirtualServo._kinds and family.__module__.startswith("servobus.families."):
+        importlib.import_module(f"{family.__module__.rpartition('.')[0]}.firmware")
+    if family not in VirtualServo._kinds:
+        raise UnknownName(f"there is no virtual servo for {family.title}")
+    return VirtualServo._kinds[family]

@@ -1,0 +1,125 @@
+"""Virtual servos as a port of this process: `servobus.open("virtual:rx28@1-4,lx16a@7")`.
+
+With `clock=virtual` time passes only while someone waits, as fast as the computer can: a simulation runs
+faster than real time, and twice the same is the same to the byte.
+"""
+
+import math
+import time
+
+from servobus.errors import BadValue, PortError, PortLost
+from servobus.transports.base import Transport
+from servobus.virtual.device.servo import VirtualServo
+from servobus.virtual.serve.rig import Drawer, open_drawer
+from servobus.virtual.serve.spec import parse_url
+from servobus.virtual.wire.faults import Faults
+from servobus.virtual.wire.uart import EPSILON
+
+GRAIN = 200e-6
+"""s; on the real clock bytes that arrive within this time of each other are handed over in one piece."""
+
+
+class VirtualPort(Transport):
+    """A drawer of virtual servos as a transport. The clock starts at 0."""
+
+    timed = True
+
+    def __init__(self, name: str, drawer: Drawer, *, real: bool = True) -> None:
+        self.name = name
+        self.drawer = drawer
+        self._real = real
+        self._tell_latency()
+        self._now = 0.0
+        self._started = time.monotonic()
+        self._open = True
+        self._gone = False
+        self.set_baud(drawer.default_baud)
+
+    @property
+    def servos(self) -> list[VirtualServo]:
+        """The servos, up to date."""
+        self.drawer.advance(self.now())
+        return self.drawer.servos
+
+    def inject(self, faults: Faults | str | None) -> None:
+        """Let these faults happen from now on; None mends everything. Raises BadValue."""
+        self.drawer.inject(faults, self.now())
+        self._tell_latency()
+
+    def write(self, data: bytes) -> None:
+        self._check()
+        self.drawer.send(data, self.now())
+        self._check()
+
+    def read(self, timeout: float) -> bytes:
+        self._check()
+        now = self.now()
+        deadline = now + timeout
+        while True:
+            data = self.drawer.receive(now)
+            self._check()
+            if data:
+                return data
+            if now >= deadline:
+                return b""
+            look = self.drawer.next_look(GRAIN if self._real else math.inf)
+            if look is not None and -math.inf < look <= now:
+                look = max(now + EPSILON, math.nextafter(now, math.inf))  # after months a bit time is a rounding error
+            now = self._wait_until(deadline if look is None else min(look, deadline))
+
+    def set_baud(self, baud: int) -> None:
+        if baud <= 0:
+            raise BadValue(f"{baud} is not a speed in baud")
+        self.baud = baud
+        self.drawer.client_baud = baud
+
+    def close(self) -> None:
+        self._open = False
+
+    def reopen(self) -> None:
+        self._gone, self._open = False, True
+        self._check()
+        self.drawer.receive(self.now())  # what came meanwhile came to nobody
+
+    def blocking(self) -> bool:
+        return self._real
+
+    def now(self) -> float:
+        return time.monotonic() - self._started if self._real else self._now
+
+    def sleep(self, seconds: float) -> None:
+        if seconds <= 0:
+            return
+        now = self._wait_until(self.now() + seconds)
+        if self._real:
+            self.drawer.run(now)
+        else:
+            self.drawer.advance(now)  # what a test changes from here on must not act on the time that has passed
+
+    def _wait_until(self, moment: float) -> float:
+        if self._real:
+            time.sleep(max(moment - self.now(), 0))
+            return self.now()
+        self._now = max(self._now, moment)
+        return self._now
+
+    def _tell_latency(self) -> None:
+        # A servo may be 3 % slower than the client believes; on the real clock whoever waits may be woken late.
+        own = 0.005 if self._real else 0.001
+        self.latency = (
+            own + self.drawer.faults.latency + self.drawer.faults.jitter
+        )  # so much an adapter's settings tell
+
+    def _check(self) -> None:
+        if not self._open:
+            raise PortError(f"{self.name} is closed")
+        # What was open when the port went away stays dead until it is opened again, even if the port comes back.
+        self._gone = self._gone or self.drawer.gone(self.now())
+        if self._gone:
+            raise PortLost(f"{self.name} is gone, as the faults asked for")
+
+
+def connect(spec: str) -> VirtualPort:
+    """Make a port of virtual servos: "virtual:rx28@1-4?clock=virtual&voltage=12". Raises UsageError."""
+    setup = parse_url(spec)
+    return VirtualPort(spec, open_drawer(setup), real=setup.clock == "real")

@@ -1,0 +1,149 @@
+"""A drawer of virtual servos: one line for each family, side by side, behind one port.
+
+Real servos of two families cannot share a wire. In a drawer each family has its own; what the client sends
+goes to all of them, and what they answer comes back in the order of time.
+"""
+
+import math
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+
+from servobus.errors import UsageError
+from servobus.virtual.device.servo import ROOM_TEMPERATURE, VirtualServo, virtual_servo
+from servobus.virtual.device.state_file import StateFile
+from servobus.virtual.physics.shaft import Rail
+from servobus.virtual.serve.spec import Setup
+from servobus.virtual.wire.faults import NO_FAULTS, Faults, Injected
+from servobus.virtual.wire.line import VirtualLine
+
+
+class Drawer:
+    """Several lines with one client. Time is told from outside, as with a single line."""
+
+    def __init__(self, lines: Sequence[VirtualLine]) -> None:
+        if not lines:
+            raise UsageError("a drawer needs at least one line")
+        self.lines = list(lines)
+        self.faults = NO_FAULTS
+        self._tasks: deque[Callable[[float], None]] = deque()
+
+    @property
+    def servos(self) -> list[VirtualServo]:
+        return [servo for line in self.lines for servo in line.servos]
+
+    @property
+    def default_baud(self) -> int:
+        """The factory speed of the first family."""
+        return self.lines[0].family.default_baud
+
+    @property
+    def client_baud(self) -> float | None:
+        return self.lines[0].client_baud
+
+    @client_baud.setter
+    def client_baud(self, baud: float | None) -> None:
+        for line in self.lines:
+            line.client_baud = baud
+
+    def post(self, task: Callable[[float], None]) -> None:
+        """Have something done between two events, with the time as its argument; from any thread.
+
+        It is done by whoever receives next. One task at a time: a long job should post what is left of it.
+        """
+        self._tasks.append(task)
+
+    def send(self, data: bytes, now: float) -> None:
+        """Let the client begin to send, behind what it is still sending."""
+        for line in self.lines:
+            line.send(data, now)
+
+    def receive(self, now: float) -> bytes:
+        """Give what the client has received whole by now and not been given yet."""
+        if self._tasks:
+            self._tasks.popleft()(now)
+        if len(self.lines) == 1:
+            return self.lines[0].receive(now)
+        timed = []
+        for line in self.lines:
+            for run in line.arrivals(now):
+                step = (run.end - run.start) / len(run.data)
+                timed += [(run.start + i * step, byte) for i, byte in enumerate(run.data)]
+        timed.sort(key=lambda item: item[0])  # stable: of two at once the first line's comes first
+        return bytes(byte for _, byte in timed)
+
+    def next_event(self) -> float | None:
+        """Give the time of the next thing that happens by itself; None if all is quiet."""
+        return min((time for line in self.lines if (time := line.next_event()) is not None), default=None)
+
+    def next_arrival(self) -> float | None:
+        """Give the time at which the client has the last of the bytes that now come one behind the other."""
+        return min((time for line in self.lines if (time := line.next_arrival()) is not None), default=None)
+
+    def next_look(self, grain: float) -> float | None:
+        """Give the time to look again: of the next event, or up to `grain` s later if that brings a longer piece."""
+        if self._tasks:
+            return -math.inf
+        event, arrival = self.next_event(), self.next_arrival()
+        if event is None or arrival is None:
+            return event
+        return max(event, min(event + grain, arrival))
+
+    def inject(self, faults: Faults | str | None, now: float) -> None:
+        """Let these faults happen from now on, instead of any others; None mends everything. Raises BadValue."""
+        self.faults = Faults.parse(faults) if isinstance(faults, str) else faults or NO_FAULTS
+        for line in self.lines:
+            line.inject(self.faults, now)
+
+    @property
+    def injected(self) -> list[Injected]:
+        """The latest faults that have happened since the last call of `inject`, in the order of time."""
+        return sorted((one for line in self.lines for one in line.injected), key=lambda one: one.time)
+
+    @property
+    def fault_counts(self) -> Counter[str]:
+        """Kind of fault -> how often it has happened since the last call of `inject`."""
+        return sum((line.fault_counts for line in self.lines), Counter())
+
+    def gone(self, now: float) -> bool:
+        """Tell whether the client's port is gone."""
+        return any(line.gone(now) for line in self.lines)
+
+    def run(self, now: float) -> None:
+        """Let everything on the wires happen up to now; servos live on when they are spoken to or looked at."""
+        for line in self.lines:
+            line.run(now)
+
+    def advance(self, now: float) -> None:
+        """Bring everything, every servo included, up to now."""
+        self.run(now)
+        for line in self.lines:
+            for servo in line.servos:
+                servo.advance(now)
+
+
+def open_drawer(setup: Setup) -> Drawer:
+    """Make the servos that a setup names, at time 0. Raises UsageError."""
+    temperature = ROOM_TEMPERATURE if setup.temperature is None else setup.temperature
+    servos = [
+        virtual_servo(model, id, voltage=setup.voltage, temperature=temperature, motor_set=setup.motor)
+        for model, ids in setup.servos
+        for id in ids
+    ]
+    if setup.state is not None:
+        StateFile(setup.state, servos)
+    families: dict[str, list[VirtualServo]] = {}
+    for servo in servos:
+        servo.shaft.load = setup.load
+        if setup.baud is not None:
+            servo.store_baud(setup.baud)
+        families.setdefault(servo.model.family.name, []).append(servo)
+    drawer = Drawer([VirtualLine(line, echo=setup.echo, supply=_supply(setup, line)) for line in families.values()])
+    drawer.inject(setup.faults, 0.0)
+    return drawer
+
+
+def _supply(setup: Setup, servos: Sequence[VirtualServo]) -> Rail | None:
+    """Give the supply that the servos of a line share: the first one's, behind a resistance."""
+    if setup.supply_resistance is None:
+        return None
+    return Rail(servos[0].shaft.rail.source, setup.supply_resistance)

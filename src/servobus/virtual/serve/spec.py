@@ -1,0 +1,195 @@
+"""Which virtual servos: the words people write.
+
+rx28@1                       one RX-28 with id 1
+rx28@1-4,7,lx16a@2           five RX-28 and an LX-16A
+virtual:rx28@1?voltage=12    a port of this process, with options
+mass=0.2,length=0.1          a load: an arm of 10 cm with 200 g at its end
+"""
+
+import math
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+from urllib.parse import parse_qsl
+
+from servobus.core.ids import LAST_ID, check_id
+from servobus.core.units import Switch, parse
+from servobus.errors import BadValue, UsageError
+from servobus.families import registry
+from servobus.families.base import Model
+from servobus.virtual.physics.motor import NOTHING, Load
+from servobus.virtual.wire.faults import NO_FAULTS, Faults
+
+Servos: TypeAlias = list[tuple[type[Model], list[int]]]
+"""Models in the order they are named, each with its ids."""
+
+PREFIX = "virtual:"
+EXAMPLE = "rx28@1-4,7,lx16a@2"
+
+HIGHEST_VOLTAGE = 30.0
+"""V; no servo here is made for more than 18.5, and a slip of the point would burn it."""
+TEMPERATURES = -50.0, 200.0
+"""degC that a case may be set to."""
+HIGHEST_RESISTANCE = 1000.0
+"""ohm of a supply."""
+
+_LOAD_UNITS = {"inertia": "kgm2", "mass": "kg", "length": "m", "down": "rad", "tilt": "rad", "torque": "Nm"}
+_NEVER_NEGATIVE = "inertia", "mass", "length"
+LOAD_WORDS = "inertia, mass, length, torque, down, tilt, blocked, none"
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """Virtual servos and what surrounds them.
+
+    clock        "real", or "virtual": time passes only while the client waits
+    echo         whether the client hears what it sends
+    baud         speed that the servos start with instead of the stored one
+    voltage      supply, V
+    temperature  of the cases, degC
+    state        file that keeps the EEPROM contents
+    motor        name of a set of motor data, see servobus.virtual.device.motor_data; the first of the model by default
+    supply_resistance
+                 ohm between the supply and all servos of a line, which then share it; None: it is not felt
+    load         what hangs on every shaft at the start
+    faults       what goes wrong between the servos and the client
+
+    Raises BadValue for a supply or a temperature that makes no sense.
+    """
+
+    servos: Servos
+    clock: Literal["real", "virtual"] = "real"
+    echo: bool = False
+    baud: int | None = None
+    voltage: float | None = None
+    temperature: float | None = None
+    state: Path | None = None
+    motor: str | None = None
+    supply_resistance: float | None = None
+    load: Load = NOTHING
+    faults: Faults = NO_FAULTS
+
+    def __post_init__(self) -> None:
+        if self.voltage is not None:
+            check_voltage(self.voltage)
+        if self.temperature is not None:
+            check_temperature(self.temperature)
+        if self.supply_resistance is not None and not 0 <= self.supply_resistance <= HIGHEST_RESISTANCE:
+            raise BadValue(f"supply resistance {self.supply_resistance:g} ohm is not in 0 .. {HIGHEST_RESISTANCE:g}")
+
+
+def check_voltage(volts: float) -> float:
+    """Give back a supply in V. Raises BadValue unless it can be one."""
+    if not 0 <= volts <= HIGHEST_VOLTAGE:
+        raise BadValue(f"voltage {volts:g} V is not in 0 .. {HIGHEST_VOLTAGE:g}")
+    return volts
+
+
+def check_temperature(celsius: float) -> float:
+    """Give back a temperature in degC. Raises BadValue unless a case can have it."""
+    low, high = TEMPERATURES
+    if not low <= celsius <= high:
+        raise BadValue(f"temperature {celsius:g} °C is not in {low:g} .. {high:g}")
+    return celsius
+
+
+def parse_specs(text: str) -> Servos:
+    """Read "rx28@1-4,7,lx16a@2". Raises UnknownName for a model nobody knows, else UsageError."""
+    servos: Servos = []
+    for part in text.replace(" ", "").split(","):
+        name, at, ids = part.rpartition("@")
+        if at:
+            servos.append((registry.model(name), []))
+        if not servos:
+            raise UsageError(f"{text!r} names no servos; write MODEL@IDS, such as {EXAMPLE}")
+        servos[-1][1].extend(_ids(ids, text))
+    return servos
+
+
+def parse_url(text: str) -> Setup:
+    """Read "virtual:rx28@1-4?clock=virtual&voltage=12". Raises UsageError."""
+    specs, _, query = text.removeprefix(PREFIX).partition("?")
+    options: dict[str, Any] = {}
+    for name, value in parse_qsl(query, keep_blank_values=True):
+        try:
+            options[name] = _option(name, value)
+        except UsageError:
+            raise
+        except ValueError as error:
+            raise BadValue(f"{text!r}: {name}: {error}") from None
+    return Setup(parse_specs(specs), **options)
+
+
+def _option(name: str, value: str) -> object:
+    match name:
+        case "clock":
+            if value not in ("real", "virtual"):
+                raise ValueError(f"{value!r} is neither real nor virtual")
+            return value
+        case "echo":
+            return Switch().parse(value)
+        case "baud":
+            return int(value)
+        case "voltage":
+            return parse(value, "V")
+        case "temperature":
+            return parse(value, "degC")
+        case "state" if value:
+            return Path(value)
+        case "motor" if value:
+            return value
+        case "supply_resistance":
+            return parse(value, "ohm")
+        case "load":
+            return parse_load(value)
+        case "faults":
+            return Faults.parse(value)
+    raise UsageError(
+        f"{name}={value}: options are clock, echo, baud, voltage, temperature, state=FILE, motor=NAME, "
+        "supply_resistance, load and faults"
+    )
+
+
+def parse_load(text: str, base: Load = NOTHING) -> Load:
+    """Read "mass=0.2,length=0.1", "torque=-0.5 blocked" or "none": a load with these changes. Raises BadValue.
+
+    Numbers are in kg, m, kg·m² and N·m, angles in degrees. Instead of = there may be a colon, for URLs, and
+    instead of commas spaces.
+    """
+    load = base
+    for part in filter(None, re.split(r"[,\s]+", text)):
+        name, _, value = part.replace(":", "=").partition("=")
+        try:
+            load = NOTHING if part == "none" else replace(load, **{name: _load_value(name, value)})
+        except ValueError as error:
+            raise BadValue(f"load {part!r}: {error}") from None
+    return load
+
+
+def _load_value(name: str, value: str) -> float:
+    if name == "blocked":
+        return float(Switch().parse(value or "on"))
+    if name not in _LOAD_UNITS:
+        raise ValueError(f"a load has {LOAD_WORDS}")
+    number = parse(value, _LOAD_UNITS[name])
+    if not math.isfinite(number):
+        raise ValueError("this is no number to reckon with")
+    if number < 0 and name in _NEVER_NEGATIVE:
+        raise ValueError("it cannot be negative")
+    return number
+
+
+def parse_ids(text: str) -> list[int]:
+    """Read "1-4,7". Raises UsageError."""
+    return [id for part in text.replace(" ", "").split(",") for id in _ids(part, text)]
+
+
+def _ids(text: str, whole: str) -> range:
+    match = re.fullmatch(r"(\d+)(?:-(\d+))?", text)
+    if not match:
+        raise UsageError(f"{whole!r}: {text!r} is no id; ids are numbers 0 .. {LAST_ID} and ranges, such as {EXAMPLE}")
+    first, last = check_id(int(match[1])), check_id(int(match[2] or match[1]))
+    if last < first:
+        raise UsageError(f"{whole!r}: {text} runs backwards")
+    return range(first, last + 1)

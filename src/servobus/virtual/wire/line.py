@@ -1,0 +1,349 @@
+"""The wire between a client and virtual servos of one family, counted in bit times.
+
+A line has no clock of its own. The client says what it sends and when; `run(now)` lets everything up to
+now happen, in the order of time: bytes travel, servos hear packets, replies start after their delay and
+collide with what else is on the wire. How finely time is cut makes no difference to any byte.
+
+    half duplex (Dynamixel, LewanSoul)  one wire: everyone hears everyone, less himself
+    full duplex (HerkuleX)              servos hear only the client, the client hears only servos
+
+Two deliberate limits. A servo takes no other servo's reply for a request, even with its own id: firmware
+that did would keep two servos of one id answering each other's answers for ever, which nobody reports
+(assumption). And a client whose adapter gives no echo hears nothing while it sends, as its receiver is off.
+"""
+
+import bisect
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from servobus.core.framing import Corrupt, Decoder, Framing, Noise, Packet
+from servobus.core.ids import BROADCAST
+from servobus.errors import UsageError
+from servobus.virtual.device.servo import VirtualServo
+from servobus.virtual.physics.shaft import Rail
+from servobus.virtual.wire.faults import Faults, Injected
+from servobus.virtual.wire.injector import Injector
+from servobus.virtual.wire.uart import BITS, EPSILON, Receiver, Run, Wave
+
+KEPT = 0.02
+"""s that bytes are kept after their end for receivers too slow to be through with them."""
+
+
+class VirtualLine:
+    """Servos of one family on one wire.
+
+    `echo` tells whether the client hears what it sends. `client_baud` is its speed in bit/s; None means
+    that it has none (TCP), is always understood and understands everything. `supply` is one that all servos share;
+    without it each has its own, which nothing pulls down.
+    """
+
+    def __init__(self, servos: Iterable[VirtualServo], *, echo: bool = False, supply: Rail | None = None) -> None:
+        self.servos = list(servos)
+        if not self.servos:
+            raise UsageError("a line needs at least one servo")
+        families = {type(servo.model.family): servo.model.family for servo in self.servos}
+        if len(families) > 1:
+            titles = " and ".join(family.title for family in families.values())
+            raise UsageError(f"one line carries one family, not {titles}")
+        self.family = self.servos[0].model.family
+        self.echo = echo
+        self.supply = supply
+        if supply is not None:
+            for servo in self.servos:
+                servo.shaft.join(supply)
+        self.now = max(servo.time for servo in self.servos)
+        self._to_servos: list[Wave] = []
+        self._to_client: list[Wave] = []
+        self._client = Receiver(None, self.now)
+        self._client_busy_until = self.now
+        self._busy: dict[VirtualServo, float] = {}
+        """Servo -> time at which it has sent its last reply."""
+        self._arrived: list[Run] = []
+        self._groups: dict[tuple[float, float], _Group] = {}
+        self._group_of: dict[VirtualServo, _Group] = {}
+        self._injector: Injector | None = None
+        self.regroup()
+
+    @property
+    def client_baud(self) -> float | None:
+        return self._client.baud
+
+    @client_baud.setter
+    def client_baud(self, baud: float | None) -> None:
+        self._client.baud = baud
+
+    # The client's side
+
+    def send(self, data: bytes, now: float) -> None:
+        """Let the client begin to send, behind what it is still sending."""
+        self.run(now)
+        if not data:
+            return
+        if self._settings() != self._placed:
+            self.regroup()
+        baud = self.client_baud or self.servos[0].baud
+        start = max(now, self._client_busy_until)
+        wave = Wave(start, baud, bytes(data), None, plain=self.client_baud is None)
+        self._client_busy_until = wave.end
+        heard, echoed = [wave], [wave] if self.echo else []
+        if self._injector:
+            heard, echoed = self._injector.send(wave, echo=self.echo)
+        for part in heard:
+            _put(self._to_servos, part)
+        if echoed:
+            _put(self._to_client, echoed[0])
+        elif not self.family.full_duplex:
+            self._client.since = max(self._client.since, wave.end)
+
+    def receive(self, now: float) -> bytes:
+        """Give what the client has received whole by now and not been given yet."""
+        return b"".join(run.data for run in self.arrivals(now))
+
+    def arrivals(self, now: float) -> list[Run]:
+        """Give the same with its times."""
+        self.run(now)
+        arrived, self._arrived = self._arrived, []
+        return arrived
+
+    def next_event(self) -> float | None:
+        """Give the time of the next thing that happens by itself; None if all is quiet."""
+        times = [time for time, _, _ in self._due()]
+        if self._arrived:
+            times.append(self.now)
+        elif (first := self._first_arrival()) is not None:
+            times.append(first)
+        if self._injector and (time := self._injector.next_event(self.now)) is not None:
+            times.append(time)
+        return min(times, default=None)
+
+    def next_arrival(self) -> float | None:
+        """Give the time at which the client has the last of the bytes that now come one behind the other."""
+        arriving = self._client.next_run(self._to_client)
+        if arriving and self._injector:
+            return self._injector.together(arriving)
+        return arriving.end if arriving else None
+
+    def _first_arrival(self) -> float | None:
+        arriving = self._client.next_run(self._to_client)
+        if arriving is None:
+            return None
+        return arriving.start + (arriving.end - arriving.start) / len(arriving.data)
+
+    # What goes wrong
+
+    def inject(self, faults: Faults, now: float) -> None:
+        """Let these faults happen from now on, instead of any others; what they hold back is lost."""
+        self.run(now)
+        self._injector = Injector(faults, self, self._to_client, now) if faults else None
+        self.regroup()
+
+    @property
+    def injected(self) -> Sequence[Injected]:
+        """The latest faults that have happened since the last call of `inject`."""
+        return self._injector.log if self._injector else ()
+
+    @property
+    def fault_counts(self) -> Counter[str]:
+        """Kind of fault -> how often it has happened since the last call of `inject`."""
+        return self._injector.counts if self._injector else Counter()
+
+    def gone(self, now: float) -> bool:
+        """Tell whether the client's port is gone."""
+        return self._injector is not None and self._injector.gone(now)
+
+    def unplug(self, servos: Iterable[VirtualServo], now: float) -> None:
+        """Take the supply from servos. What they were going to say stays unsaid."""
+        self._live(now)
+        for servo in servos:
+            servo.advance(now)
+            servo.power_off()
+            for waves in (self._to_servos, self._to_client):
+                waves[:] = [wave for wave in waves if wave.sender is not servo or wave.start < now]
+
+    def plug(self, servos: Iterable[VirtualServo], now: float) -> None:
+        """Give servos their supply again."""
+        self._live(now)
+        for servo in servos:
+            servo.power_on(now)
+            self._busy.pop(servo, None)
+            self._place(servo)
+
+    # Time
+
+    def run(self, now: float) -> None:
+        """Let everything up to now happen."""
+        while True:
+            due = min(self._due(), key=_time_of, default=None)
+            if self._injector and self._injector.change(min(due[0] - EPSILON, now) if due else now):
+                continue
+            if due is None or due[0] > now + EPSILON:
+                break
+            time, group, run = due
+            self._live(time)
+            if run is None:
+                self._drop(group, time)
+            else:
+                self._hear(group, run)
+        while run := self._client.next_run(self._to_client, until=now):
+            self._client.since = run.resume
+            if self._injector:
+                self._injector.take(run)
+            else:
+                self._arrived.append(run)
+        if self._injector:
+            self._arrived += self._injector.due(now)
+        self._live(now)
+        if self._to_servos:
+            _forget(self._to_servos, min(group.receiver.since for group in self._groups.values()), now)
+        if self._to_client:
+            _forget(self._to_client, self._client.since, now)
+
+    def _live(self, now: float) -> None:
+        """Let time pass. Servos that pull at one supply live in step; others catch up when they are looked at."""
+        if self.supply is not None and self.supply.resistance:
+            step = min(servo.tick for servo in self.servos)
+            for n in range(1, math.ceil((now - self.now) / step)):
+                for servo in self.servos:
+                    servo.advance(self.now + n * step)
+            for servo in self.servos:
+                servo.advance(now)
+        self.now = max(self.now, now)
+
+    def regroup(self) -> None:
+        """Sort the servos anew, after their id or speed was changed other than by packets."""
+        for servo in self.servos:
+            self._place(servo)
+        self._placed = self._settings()
+
+    def _settings(self) -> list[tuple[int, float, float]]:
+        return [(servo.id, servo.baud, servo.garbage_timeout) for servo in self.servos]
+
+    def _due(self) -> "list[tuple[float, _Group, Run | None]]":
+        """Give the next event of each group: a run of bytes, or a pause too long (None)."""
+        due: list[tuple[float, _Group, Run | None]] = []
+        for group in self._groups.values():
+            run = group.receiver.next_run(self._to_servos, group.decoder.missing)
+            gives_up = group.gives_up
+            if gives_up is not None and (run is None or gives_up < run.start - EPSILON):
+                due.append((gives_up, group, None))
+            elif run is not None:
+                due.append((run.end, group, run))
+        return due
+
+    # The servos' side
+
+    def _hear(self, group: "_Group", run: Run) -> None:
+        group.receiver.since = run.resume
+        group.last = run.end
+        events = group.decoder.feed(run.data)
+        if run.from_servo:
+            group.servo_bytes_end = group.decoder.position
+        for event in events:
+            if not isinstance(event, Noise):
+                self._dispatch(group, event, run.end)
+
+    def _dispatch(self, group: "_Group", event: Packet | Corrupt, time: float) -> None:
+        packet = event.packet if isinstance(event, Corrupt) else event
+        size = self.family.framing.overhead + len(packet.data)
+        if packet.end - size < group.servo_bytes_end:
+            return
+        begin = time - size * BITS / group.baud
+        for servo in group.called(packet.id):
+            if not servo.powered or servo.deaf_until > begin:
+                continue
+            baud = self._speed(servo)  # a new speed acts after the reply
+            servo.advance(time)
+            for delay, data in servo.hear(event, time):
+                self._reply(servo, baud, time + delay, data)
+            self._place(servo)
+
+    def _reply(self, servo: VirtualServo, baud: float, time: float, data: bytes) -> None:
+        wave = Wave(max(time, self._busy.get(servo, time)), baud, data, servo)
+        self._busy[servo] = wave.end
+        for part in self._injector.reply(wave) if self._injector else (wave,):
+            _put(self._to_client, part)
+        if not self.family.full_duplex:
+            _put(self._to_servos, wave)
+
+    def _drop(self, group: "_Group", time: float) -> None:
+        group.decoder.drop()
+        for servo in group.called(BROADCAST):
+            if servo.powered and servo.deaf_until <= time:
+                servo.advance(time)
+                servo.garbage(time)
+                self._place(servo)
+
+    def _speed(self, servo: VirtualServo) -> float:
+        """Give a servo's speed as its own clock makes it, bit/s."""
+        return servo.baud * self._injector.skew(servo) if self._injector else servo.baud
+
+    def _place(self, servo: VirtualServo) -> None:
+        """Put a servo into the group that listens as it does."""
+        key = (self._speed(servo), servo.garbage_timeout)
+        old = self._group_of.get(servo)
+        if old is not None and old.key == key:
+            old.rename(servo)
+            return
+        if old is not None:
+            old.remove(servo)
+            if not old.ids:  # nobody is left who listens like this
+                del self._groups[old.key]
+        if key not in self._groups:
+            self._groups[key] = _Group(key, self.family.framing, self.now)
+        self._group_of[servo] = self._groups[key]
+        self._groups[key].add(servo)
+
+
+class _Group:
+    """Servos that hear the same: one speed, one longest pause, and so one decoder for all of them."""
+
+    def __init__(self, key: tuple[float, float], framing: Framing, now: float) -> None:
+        self.key = key
+        self.baud, self._timeout = key
+        self.decoder = Decoder(framing)
+        self.receiver = Receiver(self.baud, now)
+        self.last = now
+        """Time at which the last byte was received."""
+        self.servo_bytes_end = 0
+        """Position in the decoder's stream behind the last byte that a servo sent."""
+        self.ids: dict[VirtualServo, int] = {}
+        self._by_id: dict[int, list[VirtualServo]] = {}
+
+    @property
+    def gives_up(self) -> float | None:
+        """Time at which an incomplete packet is dropped: a pause longer than the longest."""
+        return self.last + self._timeout + 2 * EPSILON if self.decoder.pending else None
+
+    def called(self, id: int) -> list[VirtualServo]:
+        """Give the servos that listen to an id."""
+        return list(self.ids) if id == BROADCAST else list(self._by_id.get(id, ()))
+
+    def add(self, servo: VirtualServo) -> None:
+        self.ids[servo] = servo.id
+        self._by_id.setdefault(servo.id, []).append(servo)
+
+    def remove(self, servo: VirtualServo) -> None:
+        self._by_id[self.ids.pop(servo)].remove(servo)
+
+    def rename(self, servo: VirtualServo) -> None:
+        if self.ids[servo] != servo.id:
+            self.remove(servo)
+            self.add(servo)
+
+
+def _put(waves: list[Wave], wave: Wave) -> None:
+    bisect.insort(waves, wave, key=_start_of)
+
+
+def _forget(waves: list[Wave], done: float, now: float) -> None:
+    """Drop what every receiver is through with."""
+    waves[:] = [wave for wave in waves if wave.end > done + EPSILON and wave.end > now - KEPT]
+
+
+def _start_of(wave: Wave) -> float:
+    return wave.start
+
+
+def _time_of(due: tuple[float, _Group, Run | None]) -> float:
+    return due[0]

@@ -1,0 +1,419 @@
+"""LewanSoul: framing, messages, exchanges, and the verbs against a servo of a few lines."""
+
+import math
+from typing import Any
+
+import pytest
+
+from servobus.core.exchange import Collector, Exchange, Job, Pause, ask
+from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Corrupt, Noise, Packet
+from servobus.core.registers import Pair, Register
+from servobus.errors import BadValue, NoReply, UsageError
+from servobus.families.base import Answers, Leg, Target
+from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.families.lewansoul.protocol import (
+    FRAMING,
+    Answer,
+    Command,
+    Mode,
+    Request,
+    angle_offset_adjust,
+    encode,
+    id_read,
+    id_write,
+    move_start,
+    move_time_write,
+    parse_answer,
+    parse_request,
+    query,
+    send,
+)
+from servobus.families.lewansoul.verbs import Lewansoul
+
+FAMILY = Lewansoul()
+TARGET = Target(3, LX16A, Answers.READS)
+
+
+READS = {
+    Command(row.place.write): Command(row.place.read)
+    for row in LX16A.registers.values()
+    if isinstance(row.place, Pair) and row.place.write is not None
+}
+"""write command -> the read command that gives the same values back"""
+
+
+class Pretender:
+    """Answers like a servo with id 3: what a write command leaves, its read command gives back."""
+
+    def __init__(self, **answers: tuple[int, ...]) -> None:
+        self.answers = {Command[name]: values for name, values in answers.items()}
+        self.steps: list[str] = []
+
+    def carry_out(self, job: Job[Any]) -> Any:
+        steps = ask(job)
+        result: Any = None
+        while True:
+            try:
+                step = steps.send(result)
+            except StopIteration as stop:
+                return stop.value
+            result = self._step(step)
+
+    def _step(self, step: Any) -> Any:
+        if isinstance(step, Pause):
+            self.steps.append("pause")
+            return None
+        assert isinstance(step, Exchange)
+        (packet,) = step.framing.decode(step.request)
+        assert isinstance(packet, Packet)
+        request = parse_request(packet)
+        self.steps.append(str(request))
+        command = request.command
+        if command in READS:
+            self.answers[READS[command]] = request.values
+        assert (step.reply is None) == (not command.reply)
+        if step.reply is None:
+            return None
+        collector = Collector(step)
+        if command in self.answers:
+            collector.feed(encode(Answer(3, command, self.answers[command])))
+        return collector.result()
+
+
+# Frames
+
+
+def test_the_size_comes_from_the_length_byte_and_is_believed_between_3_and_7_only() -> None:
+    assert FRAMING.size(b"\x55\x55\x01", 0) == INCOMPLETE
+    sizes = [FRAMING.size(bytes((0x55, 0x55, 1, length)), 0) for length in (2, 3, 7, 8)]
+    assert sizes == [NOT_A_FRAME, 6, 10, NOT_A_FRAME]
+
+
+def test_more_than_four_parameter_bytes_do_not_fit() -> None:
+    with pytest.raises(BadValue):
+        FRAMING.frame(Packet(1, 1, bytes(5)))
+
+
+def test_id_85_looks_like_a_third_header_byte_and_is_found() -> None:
+    raw = encode(Request(0x55, Command.SERVO_POS_READ))
+    assert raw[:3] == b"\x55\x55\x55"
+    assert FRAMING.decode(raw) == [Packet(0x55, 28)]
+
+
+def test_a_stray_header_byte_before_a_packet_does_not_hide_it() -> None:
+    # The first pair makes a frame of id 85 and length 5, which fails its checksum (L-11).
+    raw = encode(Request(5, Command.SERVO_TEMP_MAX_LIMIT_WRITE, (85,)))
+    corrupt, packet = FRAMING.decode(b"\x55" + raw)
+    assert isinstance(corrupt, Corrupt)
+    assert packet == Packet(5, 24, b"\x55")
+
+
+def test_a_wrong_checksum_is_told_as_corrupt() -> None:
+    raw = bytearray(encode(Request(1, Command.SERVO_MOVE_TIME_WRITE, (500, 1000))))
+    raw[-1] ^= 1
+    assert FRAMING.decode(bytes(raw)) == [Corrupt(Packet(1, 1, b"\xf4\x01\xe8\x03", 10), bytes(raw))]
+
+
+def test_a_length_above_7_is_noise() -> None:
+    assert FRAMING.decode(b"\x55\x55\x01\x08\x01") == [Noise(b"\x55\x55\x01\x08\x01")]
+
+
+# Messages
+
+
+def test_all_28_commands_are_known_and_write_commands_are_never_answered() -> None:
+    assert len(Command) == 28
+    assert all(command.name.endswith("_READ") == bool(command.reply) for command in Command)
+    assert not any(command.params and command.reply for command in Command)
+
+
+@pytest.mark.parametrize("command", Command)
+def test_requests_and_answers_come_back_as_they_were_sent(command: Command) -> None:
+    for bound in (0, 1):
+        request = Request(7, command, tuple(layout.range[bound] for _, layout in command.params))
+        (packet,) = FRAMING.decode(encode(request))
+        assert isinstance(packet, Packet)
+        assert parse_request(packet) == request
+        if command.reply:
+            answer = Answer(7, command, tuple(layout.range[bound] for _, layout in command.reply))
+            (packet,) = FRAMING.decode(encode(answer))
+            assert isinstance(packet, Packet)
+            assert parse_answer(packet) == answer
+
+
+def test_unknown_commands_and_wrong_lengths_are_no_messages() -> None:
+    for packet in (
+        Packet(1, 0),
+        Packet(1, 3),
+        Packet(1, 37),
+        Packet(1, 1, bytes(3)),
+        Packet(1, 28, bytes(2)),
+    ):
+        with pytest.raises(ValueError):
+            parse_request(packet)
+    for packet in (Packet(1, 28), Packet(1, 11), Packet(1, 1, bytes(4))):
+        with pytest.raises(ValueError):
+            parse_answer(packet)
+
+
+def test_values_that_do_not_fit_their_parameters_are_refused() -> None:
+    with pytest.raises(BadValue, match="offset 128 is not in"):
+        angle_offset_adjust(1, 128)
+    with pytest.raises(BadValue, match="parameters: angle, time_ms; 1 were given"):
+        send(1, Command.SERVO_MOVE_TIME_WRITE, 500)
+    with pytest.raises(BadValue, match="parameters: none; 1 were given"):
+        send(1, Command.SERVO_MOVE_START, 1)
+
+
+def test_packets_are_explained_by_their_length() -> None:
+    assert FAMILY.explain(Packet(1, 1, b"\xf4\x01\xe8\x03")) == "SERVO_MOVE_TIME_WRITE id 1, angle 500, time_ms 1000"
+    assert FAMILY.explain(Packet(1, 28)) == "SERVO_POS_READ id 1"
+    assert FAMILY.explain(Packet(1, 28, b"\xf4\xff")) == "answer to SERVO_POS_READ id 1, position -12"
+    assert FAMILY.explain(Packet(1, 99)) == "unknown command 99, id 1"
+    assert FAMILY.explain(Packet(1, 1, b"\x01")) == "SERVO_MOVE_TIME_WRITE with 1 parameter bytes, id 1"
+
+
+# Exchanges
+
+
+def test_only_questions_wait_for_an_answer() -> None:
+    assert move_time_write(1, 500, 1000).reply is None
+    assert move_start().request == bytes.fromhex("55 55 FE 03 0B F3")
+    exchange = query(1, Command.SERVO_OR_MOTOR_MODE_READ)
+    assert exchange.reply_size == 10
+    assert exchange.repeatable
+    with pytest.raises(BadValue, match="question"):
+        send(1, Command.SERVO_POS_READ)
+    with pytest.raises(BadValue, match="never answered"):
+        query(1, Command.SERVO_MOVE_START)
+
+
+def test_to_the_broadcast_id_only_the_question_for_the_id_is_answered() -> None:
+    collector = Collector(id_read())
+    collector.feed(encode(Answer(9, Command.SERVO_ID_READ, (9,))))
+    assert collector.result() == 9
+    with pytest.raises(BadValue, match="254"):
+        query(254, Command.SERVO_POS_READ)
+
+
+def test_the_echo_of_the_question_is_not_taken_for_its_answer() -> None:
+    collector = Collector(query(1, Command.SERVO_POS_READ), echo=None)
+    collector.feed(bytes.fromhex("55 55 01 03 1C DF"))
+    assert not collector.done
+    collector.feed(bytes.fromhex("55 55 01 05 1C F4 FF EA"))
+    assert collector.result() == (-12,)
+
+
+def test_the_broadcast_id_cannot_be_given_to_a_servo() -> None:
+    with pytest.raises(BadValue):
+        id_write(1, 254)
+    with pytest.raises(BadValue):
+        FAMILY.ping(254)
+
+
+# The verbs
+
+
+def test_a_servo_that_answers_is_known_by_its_presence_alone() -> None:
+    identity = Pretender(SERVO_ID_READ=(3,)).carry_out(FAMILY.identify(3))
+    assert (identity.number, identity.firmware, identity.answers) == (None, "", Answers.READS)
+    with pytest.raises(NoReply):
+        Pretender().carry_out(FAMILY.identify(3))
+
+
+def test_registers_of_one_command_are_read_with_one_question() -> None:
+    servo = Pretender(SERVO_OR_MOTOR_MODE_READ=(1, 0, -500), SERVO_POS_READ=(-12,))
+    rows: list[Register[Any]] = [LX16A.motor_speed, LX16A.present_position, LX16A.mode]
+    assert servo.carry_out(FAMILY.read(TARGET, rows)) == [-500, -12, 1]
+    assert servo.steps == ["SERVO_OR_MOTOR_MODE_READ id 3", "SERVO_POS_READ id 3"]
+
+
+def test_parameters_that_are_not_given_are_sent_back_as_they_were() -> None:
+    servo = Pretender(SERVO_ANGLE_LIMIT_READ=(100, 900))
+    servo.carry_out(FAMILY.write(TARGET, {LX16A.max_position: 800}))
+    assert servo.steps == ["SERVO_ANGLE_LIMIT_READ id 3", "SERVO_ANGLE_LIMIT_WRITE id 3, min 100, max 800"]
+
+
+def test_nothing_is_read_first_where_all_parameters_are_given() -> None:
+    servo = Pretender()
+    servo.carry_out(FAMILY.write(TARGET, {LX16A.motor_speed: -500, LX16A.mode: 1}))
+    servo.carry_out(FAMILY.write(TARGET, {LX16A.goal_time: 20, LX16A.goal_position: 10}))
+    assert servo.steps == [
+        "SERVO_OR_MOTOR_MODE_WRITE id 3, mode 1, null 0, speed -500",
+        "SERVO_MOVE_TIME_WRITE id 3, angle 10, time_ms 20",
+    ]
+
+
+def test_a_goal_alone_keeps_the_time_of_the_last_move() -> None:
+    servo = Pretender(SERVO_MOVE_TIME_READ=(500, 700))
+    servo.carry_out(FAMILY.write(TARGET, {LX16A.goal_position: 10}))
+    assert servo.steps[1:] == ["SERVO_MOVE_TIME_WRITE id 3, angle 10, time_ms 700"]
+
+
+@pytest.mark.parametrize("register", [LX16A.goal_time, LX16A.wait_goal_time])
+def test_a_time_alone_would_repeat_a_move_and_is_refused(register: Any) -> None:
+    servo = Pretender()
+    with pytest.raises(BadValue, match="cannot be written alone"):
+        servo.carry_out(FAMILY.write(TARGET, {LX16A.led: 1, register: 100}))
+    assert servo.steps == []
+
+
+def test_a_reading_cannot_be_written() -> None:
+    with pytest.raises(BadValue, match="can only be read"):
+        Pretender().carry_out(FAMILY.write(TARGET, {LX16A.present_voltage: 7400}))
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(LX16A.min_position, LX16A.max_position), (LX16A.min_voltage, LX16A.max_voltage)]
+)
+def test_limits_that_cross_are_refused_for_the_servo_would_ignore_them(low: Any, high: Any) -> None:
+    servo = Pretender()
+    with pytest.raises(BadValue, match="is not below"):
+        servo.carry_out(FAMILY.write(TARGET, {low: 5000, high: 5000}))
+    assert servo.steps == []
+
+
+def test_the_id_is_written_last() -> None:
+    servo = Pretender()
+    servo.carry_out(FAMILY.store(TARGET, {LX16A.id: 4, LX16A.angle_offset: -50, LX16A.led: 1}))
+    assert servo.steps == [
+        "SERVO_ANGLE_OFFSET_ADJUST id 3, offset -50",
+        "SERVO_ANGLE_OFFSET_WRITE id 3",
+        "SERVO_LED_CTRL_WRITE id 3, led 1",
+        "SERVO_ID_WRITE id 3, new_id 4",
+    ]
+
+
+def test_an_offset_that_is_written_is_not_saved() -> None:
+    servo = Pretender()
+    servo.carry_out(FAMILY.write(TARGET, {LX16A.angle_offset: -50}))
+    assert servo.steps == ["SERVO_ANGLE_OFFSET_ADJUST id 3, offset -50"]
+
+
+def test_what_the_servo_forgets_cannot_be_stored() -> None:
+    servo = Pretender()
+    with pytest.raises(UsageError, match="not saved"):
+        servo.carry_out(FAMILY.store(TARGET, {LX16A.led: 1, LX16A.goal_position: 1}))
+    assert servo.steps == []
+
+
+def test_the_stance_is_read_with_one_question_per_command() -> None:
+    servo = Pretender(
+        SERVO_POS_READ=(500,),
+        SERVO_LOAD_OR_UNLOAD_READ=(1,),
+        SERVO_ANGLE_LIMIT_READ=(100, 900),
+        SERVO_OR_MOTOR_MODE_READ=(0, 0, 0),
+    )
+    stance = servo.carry_out(FAMILY.stance(TARGET))
+    assert len(servo.steps) == 4
+    assert math.degrees(stance.position) == pytest.approx(120)
+    assert (stance.torque, stance.low, stance.high, stance.turning) == (True, 100, 900, False)
+    servo.answers[Command.SERVO_OR_MOTOR_MODE_READ] = (1, 0, 0)
+    assert servo.carry_out(FAMILY.stance(TARGET)).turning
+
+
+def test_one_leg_starts_at_once_and_several_start_together() -> None:
+    legs = [Leg(Target(id, LX16A, Answers.READS), 100 * id, 1.0, 0.5) for id in (1, 2)]
+    servo = Pretender()
+    servo.carry_out(FAMILY.launch(legs[:1]))
+    assert servo.steps == ["SERVO_MOVE_TIME_WRITE id 1, angle 100, time_ms 500"]
+    servo.steps.clear()
+    servo.carry_out(FAMILY.launch(legs))
+    assert servo.steps == [
+        "SERVO_MOVE_TIME_WAIT_WRITE id 1, angle 100, time_ms 500",
+        "SERVO_MOVE_TIME_WAIT_WRITE id 2, angle 200, time_ms 500",
+        "SERVO_MOVE_START id 254",
+    ]
+
+
+def test_a_move_longer_than_30_s_is_refused_before_anything_is_sent() -> None:
+    assert FAMILY.max_move_time == 30.0
+    servo = Pretender()
+    with pytest.raises(BadValue, match="30 s"):
+        servo.carry_out(FAMILY.launch([Leg(TARGET, 0, 1.0, 1.0), Leg(TARGET, 0, 1.0, 30.001)]))
+    assert servo.steps == []
+
+
+@pytest.mark.parametrize("after", [500, 499])
+def test_a_servo_moves_if_its_position_changes(after: int) -> None:
+    servo = Pretender(SERVO_POS_READ=(500,))
+    steps = FAMILY.moving(TARGET)
+    results: list[Any] = [None]
+    with pytest.raises(StopIteration) as stop:
+        while True:
+            step = steps.send(results[-1])
+            if isinstance(step, Pause):
+                servo.answers[Command.SERVO_POS_READ] = (after,)
+            results.append(servo._step(step))
+    assert stop.value.value == (after != 500)
+    assert servo.steps == ["SERVO_POS_READ id 3", "pause", "SERVO_POS_READ id 3"]
+
+
+def test_stop_ends_a_move_first_and_then_an_endless_turn() -> None:
+    servo = Pretender(SERVO_OR_MOTOR_MODE_READ=(0, 0, 0))
+    servo.carry_out(FAMILY.stop(TARGET))
+    assert servo.steps == ["SERVO_MOVE_STOP id 3", "SERVO_OR_MOTOR_MODE_READ id 3"]
+    servo = Pretender(SERVO_OR_MOTOR_MODE_READ=(1, 0, 800))
+    servo.carry_out(FAMILY.stop(TARGET))
+    assert servo.steps[2:] == ["SERVO_OR_MOTOR_MODE_WRITE id 3, mode 1, null 0, speed 0"]
+
+
+@pytest.mark.parametrize("on", [True, False])
+def test_torque_is_one_command(on: bool) -> None:
+    servo = Pretender()
+    servo.carry_out(FAMILY.torque(TARGET, on))
+    assert servo.steps == [f"SERVO_LOAD_OR_UNLOAD_WRITE id 3, load {int(on)}"]
+
+
+@pytest.mark.parametrize(("output", "duty"), [(1, 1000), (-1, -1000), (0.25, 250), (0, 0)])
+def test_turning_is_a_share_of_full_output(output: float, duty: int) -> None:
+    servo = Pretender()
+    servo.carry_out(FAMILY.turn(TARGET, speed=None, output=output))
+    assert servo.answers[Command.SERVO_OR_MOTOR_MODE_READ] == (Mode.MOTOR, 0, duty)
+
+
+def test_turning_at_a_speed_or_beyond_full_output_is_refused() -> None:
+    for speed, output in ((1.0, None), (1.0, 0.5), (None, None), (None, 1.01)):
+        with pytest.raises(UsageError):
+            Pretender().carry_out(FAMILY.turn(TARGET, speed=speed, output=output))
+
+
+def test_position_mode_sets_limits_only_where_given_and_changes_the_mode_only_where_needed() -> None:
+    servo = Pretender(SERVO_OR_MOTOR_MODE_READ=(1, 0, 800))
+    servo.carry_out(FAMILY.position_mode(TARGET, None))
+    assert servo.answers[Command.SERVO_OR_MOTOR_MODE_READ] == (0, 0, 0)
+    servo.steps.clear()
+    servo.carry_out(FAMILY.position_mode(TARGET, (100, 900)))
+    assert servo.steps == ["SERVO_ANGLE_LIMIT_WRITE id 3, min 100, max 900", "SERVO_OR_MOTOR_MODE_READ id 3"]
+    with pytest.raises(BadValue):
+        servo.carry_out(FAMILY.position_mode(TARGET, (0, 1001)))
+
+
+def test_the_light_is_on_at_0() -> None:
+    servo = Pretender()
+    servo.carry_out(FAMILY.led(TARGET, "on"))
+    servo.carry_out(FAMILY.led(TARGET, "off"))
+    assert servo.steps == ["SERVO_LED_CTRL_WRITE id 3, led 0", "SERVO_LED_CTRL_WRITE id 3, led 1"]
+    with pytest.raises(BadValue, match="'red'"):
+        servo.carry_out(FAMILY.led(TARGET, "red"))
+
+
+def test_the_id_is_changed_with_one_command() -> None:
+    servo = Pretender()
+    servo.carry_out(FAMILY.set_id(TARGET, 4))
+    assert servo.steps == ["SERVO_ID_WRITE id 3, new_id 4"]
+
+
+@pytest.mark.parametrize(
+    ("job", "hint"),
+    [
+        (lambda: FAMILY.reboot(TARGET), "power"),
+        (lambda: FAMILY.reset(TARGET, frozenset()), "backup"),
+        (lambda: FAMILY.set_baud(TARGET, 9600), "115200"),
+    ],
+)
+def test_what_the_protocol_cannot_do_says_so_and_what_to_do_instead(job: Any, hint: str) -> None:
+    servo = Pretender()
+    with pytest.raises(UsageError, match=hint):
+        servo.carry_out(job())
+    assert servo.steps == []

@@ -1,0 +1,192 @@
+import pytest
+
+from servobus.core.units import deg
+from servobus.errors import BadValue, UnknownName, UsageError
+from servobus.families.dynamixel.verbs import Dynamixel1
+from servobus.families.registry import LX16A, RX28
+from servobus.virtual.device.motor_data import RX28_FRICTION
+from servobus.virtual.device.servo import VirtualServo, virtual_servo
+from servobus.virtual.physics.motor import Load, no_load_speed
+from servobus.virtual.physics.shaft import Rail, Shaft
+
+
+def moving(position: float = 0.0) -> VirtualServo:
+    servo = virtual_servo(RX28, 1, position=position)
+    servo.put("torque_enable", 1)
+    servo.put("goal_position", 1023)
+    servo.put("moving_speed", 200)
+    return servo
+
+
+def test_the_family_decides_the_firmware() -> None:
+    servo = virtual_servo(RX28, 7, voltage=12.5, temperature=40.0, position=1.0)
+    assert servo.family is Dynamixel1
+    assert (servo.id, servo.voltage, servo.temperature, servo.position) == (7, 12.5, 40.0, 1.0)
+    assert (servo.powered, servo.torque, servo.model) == (True, False, RX28)
+
+
+def test_without_being_told() -> None:
+    servo = virtual_servo(RX28)
+    assert (servo.id, servo.voltage, servo.temperature) == (1, 14.4, 25.0)
+    assert servo.position == pytest.approx(150 * deg)
+
+
+def test_ids_are_checked() -> None:
+    with pytest.raises(BadValue):
+        virtual_servo(RX28, 254)
+
+
+def test_a_family_without_firmware() -> None:
+    class Strange(Dynamixel1):
+        title = "Strange"
+
+    class Model(RX28):
+        family = Strange()
+
+    with pytest.raises(UnknownName, match="Strange"):
+        virtual_servo(Model, 1)
+
+
+@pytest.mark.parametrize("steps", [1, 7, 1000, 12345])
+def test_how_time_is_cut_makes_no_difference(steps: int) -> None:
+    servo = moving()
+    for step in range(1, steps + 1):
+        servo.advance(1.2345 * step / steps)
+    whole = moving()
+    whole.advance(1.2345)
+    assert (servo.position, servo.shaft.velocity) == (whole.position, whole.shaft.velocity)
+
+
+def test_time_does_not_run_backwards() -> None:
+    servo = moving()
+    servo.advance(1.0)
+    position = servo.position
+    servo.advance(0.5)
+    assert (servo.position, servo.time) == (position, 1.0)
+
+
+def test_long_rests_cost_nothing() -> None:
+    servo = virtual_servo(RX28, 1)
+    servo.put("torque_enable", 1)
+    servo.advance(1e9)
+    assert servo.position == pytest.approx(150 * deg, abs=0.003)
+
+
+def test_power_off_stops_and_frees() -> None:
+    servo = moving()
+    servo.advance(0.1)
+    servo.power_off()
+    position = servo.position
+    servo.advance(5.0)
+    assert servo.position == position
+    assert servo.led == "off"
+    servo.turn_shaft(1.0)
+    servo.power_on(6.0)
+    assert servo.get("goal_position") == servo.row("goal_position").scale.encode(1.0)
+
+
+def test_hand_against_torque() -> None:
+    with pytest.raises(UsageError, match="torque is on"):
+        moving().turn_shaft(0.0)
+
+
+def test_goal_follows_the_hand_while_the_torque_is_off() -> None:
+    servo = virtual_servo(RX28, 1)
+    servo.turn_shaft(60 * deg)
+    servo.advance(0.1)
+    assert servo.get("goal_position") == 205
+
+
+def test_stored_speed() -> None:
+    servo = virtual_servo(RX28, 1)
+    servo.store_baud(1_000_000)
+    assert servo.baud == 1e6
+    servo.power_on(1.0)
+    assert servo.baud == 1e6
+    with pytest.raises(BadValue):
+        servo.store_baud(700_000)
+
+
+def test_servo_with_one_speed_only() -> None:
+    servo = virtual_servo(LX16A, 1)
+    servo.store_baud(115_200)
+    with pytest.raises(BadValue, match="one speed"):
+        servo.store_baud(9600)
+
+
+def test_speed_depends_on_the_supply() -> None:
+    servo = virtual_servo(RX28, 1)
+    speeds = {}
+    for voltage in (0.0, 6.0, 12.0, 16.0):
+        servo.voltage = voltage
+        speeds[voltage] = servo.top_speed
+    assert speeds[0.0] == 0
+    assert 60 * deg / speeds[12.0] == pytest.approx(0.167, rel=0.01)
+    assert 60 * deg / speeds[16.0] == pytest.approx(0.126, rel=0.01)
+    assert speeds[6.0] < speeds[12.0] / 2  # friction takes its share first
+
+
+def shaft(position: float = 1.0) -> Shaft:
+    return Shaft(RX28_FRICTION, position, 0.001, Rail(12.0))
+
+
+def test_a_driven_shaft_runs_up_to_its_speed() -> None:
+    driven = shaft()
+    driven.drive(1.0)
+    driven.tick(200)
+    assert driven.velocity == pytest.approx(no_load_speed(RX28_FRICTION, 12.0), rel=1e-6)
+    driven.drive(-0.5)
+    driven.tick(200)
+    assert driven.velocity == pytest.approx(-no_load_speed(RX28_FRICTION, 6.0), rel=1e-3)
+    assert not driven.at_rest
+
+
+def test_a_braked_shaft_stops_sooner_than_a_free_one() -> None:
+    braked, free = shaft(), shaft()
+    for one in (braked, free):
+        one.drive(1.0)
+        one.tick(200)
+    start = braked.position
+    braked.brake()
+    free.release()
+    for one in (braked, free):
+        one.tick(1000)
+        one.tick()
+        assert one.at_rest
+        assert one.velocity == 0
+    assert start < braked.position < free.position
+    assert free.current == 0
+
+
+def test_a_shaft_without_power_stands() -> None:
+    stopped = shaft()
+    stopped.drive(1.0)
+    stopped.tick(50)
+    position = stopped.position
+    stopped.rest()
+    assert (stopped.velocity, stopped.current, stopped.position) == (0, 0, position)
+
+
+def test_a_shaft_in_a_vice_takes_the_current_of_a_stall() -> None:
+    held = shaft()
+    held.load = Load(blocked=1.0)
+    held.drive(1.0)
+    held.tick(10)
+    assert held.position == 1.0
+    assert held.current == pytest.approx(12.0 / RX28_FRICTION.resistance)
+
+
+def test_servos_pull_down_a_supply_they_share() -> None:
+    rail = Rail(12.0, 1.0)
+    one, other = Shaft(RX28_FRICTION, 0.0, 0.001, rail), Shaft(RX28_FRICTION, 0.0, 0.001, rail)
+    idle = rail.voltage
+    assert 11.8 < idle < 12.0  # the electronics of both
+    for held in (one, other):
+        held.load = Load(blocked=1.0)
+        held.drive(1.0)
+        held.tick()
+    assert rail.voltage == pytest.approx((12.0 - (12.0 - idle)) / (1 + 2 / RX28_FRICTION.resistance))
+    for held in (one, other):
+        held.release()
+        held.tick()
+    assert rail.voltage == pytest.approx(idle)
