@@ -45,7 +45,7 @@ from servobus.families.herkulex import protocol as herkulex
 from servobus.families.lewansoul import protocol as lewansoul
 from servobus.families.registry import DRS0602, FAMILIES, LX16A, MODELS, RX28
 from servobus.jobs.backup import Backup
-from servobus.jobs.procedures import State
+from servobus.jobs.look import State
 from servobus.link.stats import Counts, Stats
 from servobus.safety.watchdog import Watch
 

@@ -22,7 +22,7 @@ from servobus.core.exchange import Exchange, Job
 from servobus.core.operation import Awaiting
 from servobus.errors import PortError
 from servobus.families.base import Target
-from servobus.jobs.procedures import Course
+from servobus.jobs.move import Course
 from servobus.link.link import MISSED, Link, Listen, Waits
 
 if TYPE_CHECKING:

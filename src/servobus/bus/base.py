@@ -19,8 +19,9 @@ from servobus.errors import BusError, Restarted, UnknownName, UsageError
 from servobus.families import registry
 from servobus.families.base import Answers, Family, Model, Target
 from servobus.families.record import SafeAction
-from servobus.jobs import procedures
-from servobus.jobs.procedures import Course, Found, Survey, Watcher
+from servobus.jobs.look import verify
+from servobus.jobs.move import Course, arrive, launch, plan, require_torque
+from servobus.jobs.scan import Found, Survey, Watcher, find, scan
 from servobus.link.link import Link
 from servobus.link.pipeline import VolleyLink
 from servobus.link.stats import Stats
@@ -163,7 +164,7 @@ class Driver(Safeguard, Generic[S]):
         survey = self.survey = Survey()
         servos: list[S] = []
         try:
-            yield from procedures.scan(self._families(family), self._speeds(bauds), ids, watch, survey)
+            yield from scan(self._families(family), self._speeds(bauds), ids, watch, survey)
         finally:
             servos += [servo for found in survey.found if (servo := self.adopt(found)) is not None]
         return servos
@@ -171,9 +172,9 @@ class Driver(Safeguard, Generic[S]):
     @Operation
     def find(self, id: int, *, family: Family | str | None = None, bauds: Iterable[int] | None = None) -> Procedure[S]:
         """Look for one servo. Raises NoReply, or BusError if what answers is no model known here."""
-        found = yield from procedures.find(self._families(family), self._speeds(bauds), id)
+        found = yield from find(self._families(family), self._speeds(bauds), id)
         servo = self.adopt(found)
-        assert servo is not None  # procedures.find gives known models only
+        assert servo is not None  # find gives known models only
         return servo
 
     # Several at once
@@ -211,16 +212,16 @@ class Driver(Safeguard, Generic[S]):
     ) -> Procedure[list[Course]]:
         """Plan a move, make sure that all servos have torque, and launch it; see `move`."""
         courses = yield from self._planned(goals, time, speed)
-        procedures.require_torque(courses)
+        require_torque(courses)
         yield from self._launched(courses)
         return courses
 
     @Operation
     def arrive(self, courses: list[Course], timeout: float | None = None) -> Procedure[None]:
-        """Wait until all servos of these moves stand still near their goals; see `procedures.arrive`."""
+        """Wait until all servos of these moves stand still near their goals; see `arrive`."""
         for course in courses:
             yield SetBaud(self[course.legs[0].target.id].baud)
-            yield from procedures.arrive(course, timeout=timeout)
+            yield from arrive(course, timeout=timeout)
 
     @Operation
     def torque_on(self, servos: list[S]) -> Procedure[None]:
@@ -280,13 +281,13 @@ class Driver(Safeguard, Generic[S]):
         for group in self._groups(goals):
             yield SetBaud(group[0].baud)
             targets = {servo.target: goals[servo.id] for servo in group}
-            courses.append((yield from procedures.plan(targets, time=time, speed=speed)))
+            courses.append((yield from plan(targets, time=time, speed=speed)))
         return courses
 
     def _launched(self, courses: list[Course]) -> Procedure[None]:
         for course in courses:
             yield SetBaud(self[course.legs[0].target.id].baud)
-            yield from procedures.launch(course)
+            yield from launch(course)
 
     def _reunited(self) -> Procedure[Reunion]:
         """Find out which of the known servos are there, and which of them have restarted."""
@@ -301,7 +302,7 @@ class Driver(Safeguard, Generic[S]):
                 continue  # it cannot be read
             yield SetBaud(servo.baud)
             try:
-                yield from procedures.verify(servo.target)
+                yield from verify(servo.target)
             except Restarted:
                 servo.state = None
                 restarted.append(servo.id)

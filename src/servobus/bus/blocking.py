@@ -19,7 +19,7 @@ from servobus.bus.servo import Servo
 from servobus.core.exchange import Exchange, Job
 from servobus.core.operation import Blocking
 from servobus.families.base import Target
-from servobus.jobs.procedures import Course
+from servobus.jobs.move import Course
 from servobus.link.blocking import carry_out
 from servobus.link.link import MISSED, Link, Waits
 

@@ -26,7 +26,7 @@ from servobus.core.units import show
 from servobus.core.values import frozen
 from servobus.errors import BadValue, BusError, NoReply, TorqueOff, UnknownName, UsageError
 from servobus.families.base import Family, Reading, Stance, Target
-from servobus.jobs import procedures
+from servobus.jobs.move import keep_going, raw_goal
 from servobus.link.link import BITS_PER_BYTE
 from servobus.transports.base import Transport
 
@@ -164,7 +164,7 @@ class Cycle:
             self._prepare()  # another id, speed or way to answer
         result = Result(self._chain)
         raw = (yield from self._checked(goals, result)) if goals else {}
-        procedures.keep_going(self._parts[id].target for id in raw)
+        keep_going(self._parts[id].target for id in raw)
         for group in self._groups:
             yield SetBaud(group.baud)
             if sent := {part.target: raw[id] for id in raw if (part := self._parts[id]) in group.parts}:
@@ -244,7 +244,7 @@ class Cycle:
         if unknown := goals.keys() - self._parts.keys():
             known = ", ".join(map(str, self._chain))
             raise UnknownName(f"id {min(unknown)} is not in this cycle (in it: {known})")
-        raw = {id: procedures.raw_goal(self._parts[id].target, angle) for id, angle in goals.items()}
+        raw = {id: raw_goal(self._parts[id].target, angle) for id, angle in goals.items()}
         for id in list(raw):
             part = self._parts[id]
             try:

@@ -16,9 +16,10 @@ from servobus.core.values import replace
 from servobus.errors import Restarted, UsageError
 from servobus.families.base import Answers, Family, Model, Target
 from servobus.families.record import Notes, SafeAction, check_max_step
-from servobus.jobs import procedures, reconfigure
+from servobus.jobs import reconfigure
 from servobus.jobs.backup import Backup, backup, restore
-from servobus.jobs.procedures import Course, State
+from servobus.jobs.look import State, identify_at, look, verify
+from servobus.jobs.move import Course, launch, plan, require_torque
 from servobus.safety.safe_stop import check_safe_action
 
 T = TypeVar("T")
@@ -101,7 +102,7 @@ class Servo:
     @Operation
     def look(self) -> Procedure[State]:
         """Read position, voltage, temperature and torque; the result is kept in `state`."""
-        self.state = yield from procedures.look(self.target)
+        self.state = yield from look(self.target)
         return self.state
 
     @Operation
@@ -131,7 +132,7 @@ class Servo:
         known; without any there is nothing to tell a restart by.
         """
         try:
-            yield from procedures.verify(self.target)
+            yield from verify(self.target)
         except Restarted:
             self.state = None
             yield from self._meet_again(self.id)
@@ -190,9 +191,9 @@ class Servo:
     @Operation
     def start_move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> Procedure[Course]:
         """Start a move and give what is needed to wait for its end; see `move`."""
-        course = yield from procedures.plan({self.target: angle}, time=time, speed=speed)
-        procedures.require_torque([course])
-        yield from procedures.launch(course)
+        course = yield from plan({self.target: angle}, time=time, speed=speed)
+        require_torque([course])
+        yield from launch(course)
         return course
 
     @Operation
@@ -325,7 +326,7 @@ class Servo:
 
     def _meet_again(self, id: int) -> Procedure[None]:
         """Learn by what policy the servo answers now that it may have restarted."""
-        identity = yield from procedures.identify_at(self.family, id, self.baud)
+        identity = yield from identify_at(self.family, id, self.baud)
         self.target = replace(self.target, id=id, answers=identity.answers)
 
     def _follow(self, id: int, baud: int) -> None:

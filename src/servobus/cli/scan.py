@@ -10,8 +10,8 @@ from servobus import Bus
 from servobus.cli.options import Where, as_json, id_list, on_port, opened, verb
 from servobus.cli.output import console, note, print_json
 from servobus.core.ids import LAST_ID
-from servobus.jobs.procedures import Found, Progress, Survey, Trouble
-from servobus.jobs.procedures import scan as scan_procedure
+from servobus.jobs.scan import Found, Progress, Survey, Trouble
+from servobus.jobs.scan import scan as scan_procedure
 
 if TYPE_CHECKING:
     import rich.progress

@@ -31,7 +31,7 @@ from servobus.core.ids import check_id
 from servobus.core.units import show, shown
 from servobus.errors import BadValue, ServobusError
 from servobus.families import registry
-from servobus.jobs.procedures import SHORTEST
+from servobus.jobs.move import SHORTEST
 
 if TYPE_CHECKING:
     from servobus.virtual.device.servo import VirtualServo

@@ -20,7 +20,7 @@ from servobus.cli.output import note, warn_alarms
 from servobus.core.ids import BROADCAST, LAST_ID
 from servobus.errors import NoReply
 from servobus.families.base import Answers, Target
-from servobus.jobs.procedures import Progress, scan
+from servobus.jobs.scan import Progress, scan
 
 Ids = tuple[int | Literal["all"], ...]
 

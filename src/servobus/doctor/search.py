@@ -9,7 +9,7 @@ from servobus.core.ids import LAST_ID
 from servobus.doctor.findings import SHOWN, Finding, Level, Watcher, at, command, id_list, twins
 from servobus.errors import Garbled
 from servobus.families.base import Answers, Family
-from servobus.jobs.procedures import Found, Progress, Trouble
+from servobus.jobs.scan import Found, Progress, Trouble
 
 Rounds = Sequence[tuple[Family, tuple[int, ...]]]
 """Families to ask, each with its speeds."""

@@ -16,7 +16,7 @@ from servobus.core.values import frozen
 from servobus.errors import BadValue
 from servobus.families.base import Target
 from servobus.families.record import SafeAction
-from servobus.jobs import procedures
+from servobus.jobs.make_safe import make_safe
 
 STILL = 1 * deg
 """Way that counts as motion; assumption: more than the play and the noise of all three."""
@@ -117,7 +117,7 @@ class Protection:
         why = "it pushed without moving" if self.guard.stalled else f"it reached {self.guard.limit:g} °C"
         notes.halted = f"{target} is not moved: {why}; protect() allows it again when that is over"
         if notes.driven:
-            yield from procedures.make_safe(target, action)
+            yield from make_safe(target, action)
 
     def _weaken(self, target: Target) -> Procedure[None]:
         name, notes = target.model.family.strength, target.notes

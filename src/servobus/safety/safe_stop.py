@@ -19,7 +19,7 @@ from servobus.core.exchange import Procedure, SetBaud
 from servobus.errors import Stopped, UsageError
 from servobus.families.base import Target
 from servobus.families.record import Notes, SafeAction
-from servobus.jobs import procedures
+from servobus.jobs.make_safe import make_safe
 from servobus.link.blocking import carry_out
 from servobus.link.link import Link
 from servobus.safety.watchdog import Watch
@@ -202,7 +202,7 @@ class Safeguard(ABC):
 
 def _safe(joint: Joint, action: SafeAction | None) -> Procedure[None]:
     yield SetBaud(joint.baud)
-    yield from procedures.make_safe(joint.target, action or joint.safe_action)
+    yield from make_safe(joint.target, action or joint.safe_action)
 
 
 def _tell(text: str) -> None:

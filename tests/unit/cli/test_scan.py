@@ -7,8 +7,7 @@ import pytest
 from servobus import RX28, Garbled
 from servobus.core.exchange import Pause, Procedure
 from servobus.families.base import Family
-from servobus.jobs import procedures
-from servobus.jobs.procedures import Survey, Trouble
+from servobus.jobs.scan import Survey, Trouble, _met
 from unit.cli.conftest import ALL, LX, RX, Run
 
 
@@ -84,14 +83,14 @@ def test_alarms_are_told(run: Run) -> None:
 
 
 def test_what_was_found_before_ctrl_c_is_told(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    find = procedures._met
+    find = _met
 
     def interrupted(family: Family, id: int, *rest: Any) -> Procedure[Any]:
         if id == 2:
             raise KeyboardInterrupt
         return find(family, id, *rest)
 
-    monkeypatch.setattr("servobus.jobs.procedures._met", interrupted)
+    monkeypatch.setattr("servobus.jobs._met", interrupted)
     result = run("scan", RX, "--family", "dynamixel", "--json")
     assert [one["id"] for one in json.loads(result.stdout)] == [1]
     assert "stopped; this is what was found so far" in result.stderr

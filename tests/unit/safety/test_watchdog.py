@@ -19,7 +19,7 @@ if sys.platform == "win32":
 import servobus
 from servobus import LX16A, MODELS, RX28, BadValue, Stopped, UsageError, deg
 from servobus.core.exchange import Procedure
-from servobus.jobs.procedures import scan
+from servobus.jobs.scan import scan
 from servobus.safety.watchdog import Watch, awake
 from unit.served import PATIENCE, Arm, frees, stops, wait_for
 

@@ -22,7 +22,7 @@ from servobus import (
     lewansoul,
 )
 from servobus.jobs.backup import Backup
-from servobus.jobs.procedures import Progress
+from servobus.jobs.scan import Progress
 
 MIXED = "virtual:rx28@1-3,drs0602@219,lx16a@7,8?clock=virtual"
 

@@ -1,0 +1,82 @@
+"""Looking at one servo: what it is, where it is, and whether it restarted."""
+
+from typing import Any
+
+from servobus.core.exchange import Procedure, SetBaud, ask
+from servobus.core.registers import Register
+from servobus.core.units import show
+from servobus.core.values import frozen
+from servobus.errors import Restarted
+from servobus.families.base import Family, Identity, Target
+
+
+@frozen
+class State:
+    """What one wants to see of a servo first."""
+
+    position: float
+    """rad"""
+    voltage: float
+    """V"""
+    temperature: float
+    """°C"""
+    torque: bool
+
+    def __str__(self) -> str:
+        torque = "on" if self.torque else "off"
+        return (
+            f"{show(self.position, 'rad')}, {show(self.voltage, 'V')}, "
+            f"{show(self.temperature, 'degC')}, torque {torque}"
+        )
+
+
+def look(target: Target) -> Procedure[State]:
+    """Read position, voltage, temperature and torque."""
+    names = ("present_position", "present_voltage", "present_temperature", "torque_enable")
+    rows = [target.model.register(name) for name in names]
+    raw = yield from ask(target.model.family.read(target, rows))
+    position, voltage, temperature, _ = (row.decode(value) for row, value in zip(rows, raw, strict=True))
+    return State(position, voltage, temperature, target.model.family.torque_on(raw[3]))
+
+
+def identify_at(family: Family, id: int, baud: int) -> Procedure[Identity]:
+    """Ask a servo who it is, at a given speed."""
+    yield SetBaud(baud)
+    return (yield from family.identify(id))
+
+
+def verify(target: Target) -> Procedure[None]:
+    """Compare what was set in the servo's RAM, torque included, with what it holds. Raises Restarted.
+
+    Without anything set so far nothing can be told. A servo whose torque is off because of an alarm has not
+    restarted.
+    """
+    notes, family = target.notes, target.model.family
+    if notes is None or not notes.ram:
+        return
+    rows = list(notes.ram)
+    raws = yield from ask(family.read(target, rows))
+    lost = {row: raw for row, raw in zip(rows, raws, strict=True) if raw != notes.ram[row]}
+    torque = target.model.register("torque_enable")
+    if torque in lost and family.torque_on(notes.ram[torque]) and not family.torque_on(lost[torque]):
+        alone = len(lost) == 1
+        if alone and (yield from family.read_alarms(target)):
+            return
+    if not lost:
+        return
+    said = ", ".join(
+        f"{row.name} is {_said(row, raw)}, was set to {_said(row, notes.ram[row])}" for row, raw in lost.items()
+    )
+    notes.forget()
+    notes.restarted = True
+    raise Restarted(
+        f"{target} has lost what was set in it: it restarted, a write was lost, or another program changed it "
+        f"({said}). Set it up again; it moves after torque_on() or rearm()"
+    )
+
+
+def _said(row: Register[Any], raw: int) -> str:
+    try:
+        return row.show(row.decode(raw))
+    except ValueError:
+        return f"raw {raw}"

@@ -1,0 +1,37 @@
+"""Making one servo safe: hold it, free it or brake it."""
+
+from servobus.core.exchange import Procedure, ask
+from servobus.core.values import replace
+from servobus.errors import BusError
+from servobus.families.base import Answers, Target
+from servobus.families.record import SafeAction
+
+
+def make_safe(target: Target, action: SafeAction) -> Procedure[None]:
+    """Hold a servo where it is, free it or brake it."""
+    family, notes = target.model.family, target.notes
+    if action == "free":
+        yield from family.torque(target, on=False)
+        # Most servos do not answer to that: it may have been lost.
+        if target.answers is not Answers.NOTHING:
+            (torque,) = yield from ask(family.read(target, [target.model.register("torque_enable")]))
+            if family.torque_on(torque):
+                raise BusError(f"{target}: its torque is still on")
+    elif action == "brake":
+        yield from family.brake(target)
+    elif notes is None or not notes.held:
+        yield from _hold(replace(target, notes=None))  # no limit of one step stands against stopping
+    if notes is not None:
+        notes.rest()
+
+
+def _hold(target: Target) -> Procedure[None]:
+    family = target.model.family
+    try:
+        stance = yield from family.stance(target)
+    except BusError:
+        pass  # stop it all the same
+    else:
+        if not stance.torque:
+            return  # it moves nothing; and a goal would switch an RX-28 on
+    yield from family.stop(target)
