@@ -31,7 +31,7 @@ BARE = "bare Python"
 
 
 @dataclass(slots=True)
-class Tally:
+class ServoTraffic:
     """What one driver took, round by round; seconds."""
 
     cpu: list[float] = field(default_factory=list)
@@ -49,12 +49,12 @@ class Tally:
     def cpu_each(self) -> float:
         return sum(self.cpu) / sum(map(len, self.times))
 
-    def slower_than(self, other: "Tally") -> float:
+    def slower_than(self, other: "ServoTraffic") -> float:
         """Compare the medians of each round, which share the machine's mood; the median of these ratios."""
         pairs = zip(self.times, other.times, strict=True)
         return statistics.median(statistics.median(_good(a)) / statistics.median(_good(b)) for a, b in pairs)
 
-    def busier_than(self, other: "Tally") -> float:
+    def busier_than(self, other: "ServoTraffic") -> float:
         return statistics.median(a / b for a, b in zip(self.cpu, other.cpu, strict=True))
 
 
@@ -76,15 +76,15 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         with compiled("responder", "floor") as (answers, floor):
             for delay in args.delay:
-                tallies = _measure(answers, floor, names, delay / 1e6, reads, rounds, random.Random(args.seed))
-                _show(tallies, delay, names)
+                servos = _measure(answers, floor, names, delay / 1e6, reads, rounds, random.Random(args.seed))
+                _show(servos, delay, names)
     except NoCompiler as error:
         sys.exit(f"bench.reads: {error}")
 
 
 def _measure(
     answers: Path, floor: Path, names: list[str], delay: float, reads: int, rounds: int, order: random.Random
-) -> dict[str, Tally]:
+) -> dict[str, ServoTraffic]:
     cpus = _cpus()
     commands = {FLOOR: [str(floor)]} | {name: [sys.executable, "-m", "bench.clients", name] for name in names}
     workers: dict[str, Program] = {}
@@ -97,16 +97,16 @@ def _measure(
             with suppress(Silent):
                 if worker.hear() == "ready":
                     workers[name] = worker
-        tallies = {name: Tally() for name in workers}
+        servos = {name: ServoTraffic() for name in workers}
         for done in range(rounds):
             _progress(f"round {done + 1} of {rounds}")
             for name in order.sample(list(workers), len(workers)):
                 workers[name].say(str(-(-reads // rounds)))
                 cpu, *times = map(float, workers[name].hear().split())
-                tallies[name].cpu.append(cpu)
-                tallies[name].times.append(times)
+                servos[name].cpu.append(cpu)
+                servos[name].times.append(times)
     _progress("")
-    return tallies
+    return servos
 
 
 def _cpus() -> tuple[int, int] | tuple[None, None]:
@@ -124,15 +124,15 @@ def _progress(text: str) -> None:
         print(f"\r{text:<20}\r", end="", file=sys.stderr, flush=True)
 
 
-def _show(tallies: dict[str, Tally], delay: float, names: list[str]) -> None:
-    floor, bare = tallies[FLOOR], tallies[BARE]
+def _show(servos: dict[str, ServoTraffic], delay: float, names: list[str]) -> None:
+    floor, bare = servos[FLOOR], servos[BARE]
     print(f"read present_position, {delay:g} µs from request to reply; {sum(map(len, floor.times))} reads each")
     print(f"{'driver':<22}{'median µs':>10}{'p99 µs':>9}{'x floor':>9}{'CPU µs':>9}{'x bare':>8}{'lost':>6}")
     for name in (FLOOR, *names):
-        if name not in tallies:
+        if name not in servos:
             print(f"{name:<22}  does not run here; its message is above")
             continue
-        tally = tallies[name]
+        tally = servos[name]
         if not all(map(_good, tally.times)):
             print(f"{name:<22}  lost {tally.lost} of {sum(map(len, tally.times))} reads, all of some rounds")
             continue

@@ -42,7 +42,7 @@ from servobus.families.registry import MODELS
 from servobus.link.stats import COLUMNS
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.serve.inprocess import VirtualPort
-from servobus.virtual.serve.rig import open_drawer
+from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import parse_url
 
 CHUNK = 1000
@@ -92,7 +92,7 @@ MIXES = (
 
 
 @dataclass(slots=True)
-class Tally:
+class ServoTraffic:
     """What came of transactions."""
 
     transactions: int = 0
@@ -111,7 +111,7 @@ class Tally:
     """s of the servos' clock."""
     troubles: list[str] = field(default_factory=list)
 
-    def __iadd__(self, other: "Tally") -> Self:
+    def __iadd__(self, other: "ServoTraffic") -> Self:
         for name in ("transactions", "right", "unknown", "late", "wrong", "hung"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         for name in ("provable", "errors", "faults"):
@@ -154,8 +154,8 @@ class Chunk:
         self.asynchronous = number // 3 % 2 == 1
         options, faults, self.overtaking = MIXES[number // 6 % len(MIXES)]
         url = f"virtual:{self.key}@{IDS[0]}-{IDS[-1]}?clock=virtual&{options}".rstrip("&")
-        self.port = Tapped(url, open_drawer(parse_url(url)), real=False)
-        self.reals: list[VirtualServo] = self.port.drawer.servos
+        self.port = Tapped(url, build_rig(parse_url(url)), real=False)
+        self.reals: list[VirtualServo] = self.port.rig.servos
         self.bus: Any = (AsyncBus if self.asynchronous else Bus)(self.port)
         self.model = MODELS[self.key]
         self.acknowledged = self.key != "lx16a"
@@ -166,15 +166,15 @@ class Chunk:
             level = Answers.EVERYTHING if self.acknowledged else Answers.READS
             self.bus.attach(self.model, real.id, answers=level).notes.most = None  # nothing wears out here
         self.port.inject(f"seed={self.random.randrange(10**6)},{faults}")
-        self.tally = Tally()
+        self.tally = ServoTraffic()
         self.doubt: Doubt | None = None
 
-    async def run(self, transactions: int) -> Tally:
+    async def run(self, transactions: int) -> ServoTraffic:
         for number in range(transactions):
             await self._transaction(number)
         if self.doubt is not None:
             self._wrong(self.doubt.text)
-        self.tally.faults.update(self.port.drawer.fault_counts)
+        self.tally.faults.update(self.port.rig.fault_counts)
         total = self.bus.stats.total
         self.tally.stats = {name: getattr(total, name) for name in COLUMNS}
         return self.tally
@@ -270,7 +270,7 @@ class Chunk:
             self.tally.right += 1
             return
         said = ", ".join(f"{names[n]} {values[n]}, is {after[n]}, was {before[n]}" for n in bad)
-        kinds = {one.kind for one in self.port.drawer.injected if one.time >= started}
+        kinds = {one.kind for one in self.port.rig.injected if one.time >= started}
         what = f"{what}: {said}; faults {', '.join(sorted(kinds)) or 'none'}; heard {self.port.heard.hex(' ')}"
         altering = kinds & ALTERING
         if altering and any(_holds(self.key, frame, real.id) for frame in _frames(self.key, self.port.heard)):
@@ -344,7 +344,7 @@ def _holds(key: str, frame: bytes, id: int) -> bool:
 # Many chunks
 
 
-def work(seed: int, number: int, transactions: int) -> Tally:
+def work(seed: int, number: int, transactions: int) -> ServoTraffic:
     """Do one chunk."""
     faulthandler.dump_traceback_later(STUCK, exit=True)
     try:
@@ -353,12 +353,12 @@ def work(seed: int, number: int, transactions: int) -> Tally:
         faulthandler.cancel_dump_traceback_later()
 
 
-def soak(seed: int, transactions: int, seconds: float) -> tuple[Tally, bool]:
+def soak(seed: int, transactions: int, seconds: float) -> tuple[ServoTraffic, bool]:
     """Do chunks on all cores, until there are enough or time is up; tell whether all of them came back."""
-    total, started, told = Tally(), time.monotonic(), 0.0
+    total, started, told = ServoTraffic(), time.monotonic(), 0.0
     chunks = iter(range(-(-transactions // CHUNK)))
     with ProcessPoolExecutor(os.cpu_count()) as pool:
-        busy: set[Future[Tally]] = set()
+        busy: set[Future[ServoTraffic]] = set()
         while True:
             if time.monotonic() - started < seconds:
                 for number in islice(chunks, 2 * (os.cpu_count() or 1) - len(busy)):
@@ -378,7 +378,7 @@ def soak(seed: int, transactions: int, seconds: float) -> tuple[Tally, bool]:
                       file=sys.stderr, flush=True)  # fmt: skip
 
 
-def show(total: Tally, took: float) -> None:
+def show(total: ServoTraffic, took: float) -> None:
     print(f"transactions    {total.transactions:>9}   in {took:.0f} s, {total.transactions / took:.0f} each second")
     print(f"right           {total.right:>9}")
     print(f"unacknowledged  {total.unknown:>9}   writes to LX-16A")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import servobus
 from servobus import MODELS, deg
-from servobus.families.base import Leg
+from servobus.families.base import AxisMove
 
 if TYPE_CHECKING:
     from servobus.virtual.serve.inprocess import VirtualPort
@@ -53,7 +53,7 @@ def _run(key: str, count: int, seconds: float, *, moving: bool) -> tuple[float, 
             start = time.process_time()
             if moving:
                 goal = ends[beat % 2]
-                bus.do(model.family.launch([Leg(servo.target, goal, 2 * SWING, BEAT) for servo in servos]))
+                bus.do(model.family.start_moves([AxisMove(servo.target, goal, 2 * SWING, BEAT) for servo in servos]))
             port.sleep(max(0.0, begin + (beat + 1) * BEAT - port.now()))
             assert len(port.servos) == count  # to look at them brings them up to date
             spent += time.process_time() - start

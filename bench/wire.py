@@ -89,7 +89,7 @@ def _aim(job: Job, of_bits: float, of_singly: float) -> str:
 
 
 def _said(reached: bool) -> str:
-    return "reached" if reached else "MISSED"
+    return "reached" if reached else "NOT_FAST"
 
 
 Way = Callable[[Bus, list[BusServo], Job], Callable[[], None]]

@@ -13,7 +13,7 @@ from typing import Any
 
 from servobus import MODELS
 from servobus.core.registers import Access, Address, Area, Eep, EepRam, Int, Pair, Ram, Register
-from servobus.core.units import Choice, Divided, Flags, Quantity, Switch, Table, deg, rpm, show, shown
+from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Switch, deg, rpm, show, shown
 from servobus.families.base import Model
 
 PAGES = Path(__file__).parent / "registers"
@@ -208,7 +208,7 @@ def _step(row: Register[Any]) -> str:
             return f"[{options.__name__}](#{options.__name__.lower()})"
         case Switch(on):
             return f"{on} is on"
-        case Divided() | Table():
+        case BaudDivisor() | Lookup():
             return "[speed code](#bus-speeds)"
     if not isinstance(row.scale, Quantity):
         return f"1 {row.unit}" if row.unit else "1"

@@ -1,4 +1,4 @@
-"""Empty the drawer onto one port: servos of two families, each at its own speed, in one program.
+"""Empty the rig onto one port: servos of two families, each at its own speed, in one program.
 
     python examples/mixed_drawer.py [PORT]
 

@@ -13,7 +13,7 @@ Angles are radians, times seconds, voltages volts; `90 * deg` is how one writes 
 What only one family can do is in `servobus.dynamixel1`, `servobus.herkulex` and `servobus.lewansoul`.
 """
 
-from servobus.bus.base import Reunion
+from servobus.bus.base import ReconnectReport
 from servobus.bus.blocking import Bus, BusServo, Move
 from servobus.connect import open, open_async
 from servobus.core.units import deg, ms, rpm
@@ -45,9 +45,9 @@ from servobus.families.herkulex import protocol as herkulex
 from servobus.families.lewansoul import protocol as lewansoul
 from servobus.families.registry import DRS0602, FAMILIES, LX16A, MODELS, RX28
 from servobus.jobs.backup import Backup
-from servobus.jobs.look import State
+from servobus.jobs.look import Snapshot
 from servobus.link.stats import Counts, Stats
-from servobus.safety.watchdog import Watch
+from servobus.safety.watchdog import Watchdog
 
 __version__ = "0.1.0"
 
@@ -74,18 +74,18 @@ __all__ = [
     "NoReply",
     "PortError",
     "PortLost",
+    "ReconnectReport",
     "Refused",
     "Restarted",
-    "Reunion",
     "ServobusError",
     "ShortReply",
-    "State",
+    "Snapshot",
     "Stats",
     "Stopped",
     "TorqueOff",
     "UnknownName",
     "UsageError",
-    "Watch",
+    "Watchdog",
     "WrongReply",
     "deg",
     "dynamixel1",

@@ -53,15 +53,15 @@ def virtual_port() -> Iterator[Callable[..., str]]:
     and the options of a virtual port. The clock is the real one.
     """
     from servobus.virtual.serve.ports import PtyPort, TcpPort  # noqa: PLC0415
-    from servobus.virtual.serve.rig import open_drawer  # noqa: PLC0415
+    from servobus.virtual.serve.rig import build_rig  # noqa: PLC0415
     from servobus.virtual.serve.spec import parse_url  # noqa: PLC0415
 
     with ExitStack() as stack:
 
         def make(servos: str, *, tcp: bool = False, faults: "Faults | str | None" = None, **options: object) -> str:
-            drawer = open_drawer(parse_url(_url(servos, options)))
-            drawer.inject(faults, 0.0)
-            port: Port = TcpPort(drawer) if tcp or sys.platform == "win32" else PtyPort(drawer)
+            rig = build_rig(parse_url(_url(servos, options)))
+            rig.inject(faults, 0.0)
+            port: Port = TcpPort(rig) if tcp or sys.platform == "win32" else PtyPort(rig)
             stack.enter_context(port)
             stop = threading.Event()
             server = threading.Thread(target=port.serve, args=[stop], name=port.name, daemon=True)

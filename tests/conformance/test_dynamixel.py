@@ -77,7 +77,7 @@ def write(wire: Wire, address: int, value: int, length: int = 1, id: int = 1) ->
 
 
 def lights(wire: Wire, seconds: float) -> set[str]:
-    """Watch the light for a while."""
+    """Watchdog the light for a while."""
     seen = set()
     for _ in range(round(seconds / 0.05)):
         wire.wait(0.05)

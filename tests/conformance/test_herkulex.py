@@ -190,7 +190,7 @@ def speeds(wire: Wire, start: float, *times: float) -> list[float]:
 
 
 def lights(wire: Wire, seconds: float, grain: float = 0.01) -> list[str]:
-    """Watch the light for a while; give what it shows one after the other."""
+    """Watchdog the light for a while; give what it shows one after the other."""
     seen = [wire.servo.led]
     for _ in range(round(seconds / grain)):
         wire.wait(grain)

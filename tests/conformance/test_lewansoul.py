@@ -121,7 +121,7 @@ def memory(wire: Wire) -> tuple[bytes, bytes, bytes]:
 
 
 def light(wire: Wire, seconds: float = 2.0) -> str:
-    """Watch the light for a while: on, off or flashing."""
+    """Watchdog the light for a while: on, off or flashing."""
     seen = []
     for _ in range(round(seconds / 0.05)):
         wire.wait(0.05)

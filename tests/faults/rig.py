@@ -31,7 +31,7 @@ class Port(VirtualPort):
 
     def __init__(self, url: str) -> None:
         made = connect(url)
-        super().__init__(url, made.drawer, real=False)
+        super().__init__(url, made.rig, real=False)
         self.sent: list[bytes] = []
         self.heard = b""
 
@@ -45,7 +45,7 @@ class Port(VirtualPort):
         return data
 
 
-class Rig:
+class FaultRig:
     """Servos of one family, `port`, and `bus` as a driver for them.
 
     `verdicts` are what reads came to: "right"; "provable" if it was not, but a fault altered the bytes into a packet
@@ -113,12 +113,12 @@ class Rig:
 
     def try_position(self, id: int = 1) -> str:
         """Turn a shaft, read it, and tell what became of that."""
-        truth, hits, begin = self.turn(id), sum(self.port.drawer.fault_counts.values()), len(self.port.heard)
+        truth, hits, begin = self.turn(id), sum(self.port.rig.fault_counts.values()), len(self.port.heard)
         try:
             value = self.read(id)
             verdict = "right" if value == truth else "wrong"
-            fresh = sum(self.port.drawer.fault_counts.values()) - hits
-            altered = fresh and any(one.kind in ALTERING for one in self.port.drawer.injected[-fresh:])
+            fresh = sum(self.port.rig.fault_counts.values()) - hits
+            altered = fresh and any(one.kind in ALTERING for one in self.port.rig.injected[-fresh:])
             if verdict == "wrong" and altered and value in told(self.key, id, self.port.heard[begin:]):
                 verdict = "provable"
         except BusError as error:

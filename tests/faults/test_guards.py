@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import servobus
-from faults.rig import DRIVERS, EVERY, Rig
+from faults.rig import DRIVERS, EVERY, FaultRig
 from servobus import MODELS, Stopped, deg
 from servobus.safety.overload import Level
 from servobus.virtual.physics.motor import Load
@@ -53,7 +53,7 @@ def test_F25_heat_is_warned_of_then_weakens_then_stops(key: str, driver: str) ->
     """A servo that warms up (limits from the factory: 80 °C, LX-16A 85 °C): told 10 °C before its limit, weakened 5 °C
     before it, made safe at it, and back in the same steps."""
     limit = 85 if key == "lx16a" else 80
-    rig = Rig(key, driver, ids="1")
+    rig = FaultRig(key, driver, ids="1")
     rig.do(lambda bus: bus[1].torque_on())
     levels = []
     for celsius in (25, limit - 9, limit - 4, limit, limit - 8, limit - 14, 25):
@@ -70,7 +70,7 @@ def test_F25_heat_is_warned_of_then_weakens_then_stops(key: str, driver: str) ->
 @pytest.mark.parametrize("key", ["rx28", "drs0602"])
 def test_F25_a_blocked_servo_is_made_safe_before_it_burns(key: str, driver: str) -> None:
     """A locked rotor: within a second of pushing without motion it is SAFE, and motion raises Stopped."""
-    rig = Rig(key, driver, ids="1")
+    rig = FaultRig(key, driver, ids="1")
     start = rig.real().position
     rig.do(lambda bus: bus[1].torque_on())
     rig.real().shaft.load = Load(blocked=1.0)

@@ -4,7 +4,7 @@ import itertools
 from collections.abc import AsyncIterator
 from typing import Any
 
-from faults.rig import DRIVERS, EVERY, Rig
+from faults.rig import DRIVERS, EVERY, FaultRig
 from servobus import deg
 from servobus.bus.cycle import Cycle
 from unit.lossy import ASYNC
@@ -13,7 +13,7 @@ PERIOD = 0.05
 """s; long enough for three servos of any family at their factory speed."""
 
 
-def cycle_of(rig: Rig) -> Any:
+def cycle_of(rig: FaultRig) -> Any:
     """Prepare a cycle that reads and writes positions."""
     cycle: Cycle = rig.bus.cycle(read=("present_position",), write=("goal_position",))
     return cycle
@@ -23,7 +23,7 @@ def cycle_of(rig: Rig) -> Any:
 @EVERY
 def test_F15_all_behind_the_cut_are_told_together(key: str, driver: str) -> None:
     """Servos 3 to 5 of a cable go: the cycle brings the values of 1 and 2, and says where to look."""
-    rig = Rig(key, driver, ids="1-5")
+    rig = FaultRig(key, driver, ids="1-5")
     cycle = cycle_of(rig)
     assert not rig.do(lambda _: cycle.run()).lost
     rig.inject("unplug@3-5#1-")
@@ -38,7 +38,7 @@ def test_F15_all_behind_the_cut_are_told_together(key: str, driver: str) -> None
 def test_F22_a_stall_is_counted_and_brings_no_burst_of_old_goals(key: str, driver: str) -> None:
     """A loop of 20 Hz stands still for 200 ms in one turn: three turns are left out and counted, and each goal that
     goes out afterwards is that of its own time."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     rig.do(lambda bus: bus.torque_on([bus[1]]))
     cycle = cycle_of(rig)
     pace = cycle.every(PERIOD)
@@ -78,7 +78,7 @@ def test_F22_a_stall_is_counted_and_brings_no_burst_of_old_goals(key: str, drive
 
 def test_F22_an_answer_that_came_while_the_computer_stood_still_is_taken() -> None:
     """The driver's own stalls: an answer that came while the computer stood still is taken, not asked for again."""
-    rig = Rig("rx28")
+    rig = FaultRig("rx28")
     before = rig.bus.stats[1].retries
     write = rig.port.write
 

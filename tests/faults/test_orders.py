@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from faults.rig import DRIVERS, EVERY, Rig
+from faults.rig import DRIVERS, EVERY, FaultRig
 from servobus import MODELS, BadValue, EepromWear, UsageError, deg
 from servobus.families.base import Answers
 from unit.lossy import SYNC, Bench
@@ -17,7 +17,7 @@ SETTING = {"rx28": "highest_limit_temperature", "drs0602": "max_temperature", "l
 def test_F18_a_flood_of_eeprom_writes_is_braked(key: str, driver: str) -> None:
     """A loop that stores another value each time: ten reach the EEPROM, then EepromWear, which names a remedy; the same
     value again writes nothing."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     row = rig.model.register(SETTING[key])
     stored: list[int] = []
     rig.real().memory.on_store = lambda: stored.append(1)
@@ -37,7 +37,7 @@ def test_F18_a_flood_of_eeprom_writes_is_braked(key: str, driver: str) -> None:
 @DRIVERS
 def test_F18_a_locked_table_is_said_to_be(driver: str) -> None:
     """RX-28 Lock: UsageError with the addresses that stay open, and nothing is written."""
-    rig = Rig("rx28", driver)
+    rig = FaultRig("rx28", driver)
     rig.do(lambda bus: bus[1].write(rig.model.register("lock"), True))
     rig.inject(None)
     with pytest.raises(UsageError, match="24 to 35"):
@@ -75,7 +75,7 @@ def test_F19_a_baud_change_that_is_cut_off_is_finished(key: str, lost: str, driv
 @EVERY
 def test_F19_a_broadcast_id_is_refused(key: str, driver: str) -> None:
     """Id 254 for one servo, as an id to ask or to give: BadValue, and nothing is sent."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     rig.inject(None)
     with pytest.raises(BadValue, match="broadcast"):
         rig.do(lambda bus: bus[1].change_id(254))
@@ -89,7 +89,7 @@ def test_F19_a_broadcast_id_is_refused(key: str, driver: str) -> None:
 def test_F20_a_move_of_many_is_split_and_none_is_left_out(key: str, count: int, longest: int, driver: str) -> None:
     """More servos than one packet holds (RX-28 manual 3-5-7: 143 bytes; DRS-0602 manual 5-1: 223): every one gets its
     goal, and no packet is too long."""
-    rig = Rig(key, driver, ids=f"1-{count}", settle=False)
+    rig = FaultRig(key, driver, ids=f"1-{count}", settle=False)
     start = rig.real().position
     rig.do(lambda bus: bus.torque_on(list(bus)))
     rig.inject(None)
@@ -108,7 +108,7 @@ WILD = [math.nan, math.inf, -math.inf, 1e9, -100.0]
 @pytest.mark.parametrize("goal", WILD)
 def test_F23_wild_numbers_stay_off_the_wire(key: str, goal: float, driver: str) -> None:
     """NaN, infinities, angles that cannot be: BadValue before a byte is sent, for goals, times and speeds."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     rig.inject(None)
     row = rig.model.register("goal_position")
     with pytest.raises((BadValue, UsageError)):
@@ -126,7 +126,7 @@ def test_F23_wild_numbers_stay_off_the_wire(key: str, goal: float, driver: str) 
 @EVERY
 def test_F23_a_step_too_far_and_degrees_for_radians(key: str, driver: str) -> None:
     """Beyond `max_step`: refused before anything moves. 90 in place of 90 * deg: refused, with the hint."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     rig.do(lambda bus: bus[1].torque_on())
     start = rig.real().position
     rig.bus[1].max_step = 5 * deg
@@ -152,7 +152,7 @@ AT_SEAMS = [(key, raw) for key, raws in SEAMS.items() for raw in raws]
 def test_F24_torque_at_the_end_of_the_range_moves_nothing(key: str, raw: int, driver: str) -> None:
     """At the ends of the range, and where an LX-16A tells angles below 0: what is read is where the shaft is, and the
     torque comes on there without a jump."""
-    rig = Rig(key, driver, ids="1")
+    rig = FaultRig(key, driver, ids="1")
     row = rig.model.register("present_position")
     here = row.decode(raw)
     rig.real().turn_shaft(here)
@@ -170,7 +170,7 @@ def test_F24_torque_at_the_end_of_the_range_moves_nothing(key: str, raw: int, dr
 def test_F24_a_herkulex_past_a_whole_turn(driver: str) -> None:
     """Multi-turn: 400° from the middle read as they are, not 40°, and a calibration across the seam of the counter
     changes the reading by just that."""
-    rig = Rig("drs0602", driver, ids="1")
+    rig = FaultRig("drs0602", driver, ids="1")
     row, difference = rig.model.register("present_position"), rig.model.register("calibration_difference")
     before = rig.read()
     rig.do(lambda bus: bus[1].write_raw({difference: 100}))
@@ -186,7 +186,7 @@ def test_F24_a_herkulex_past_a_whole_turn(driver: str) -> None:
 
 def test_F24_the_dead_zone_of_an_rx28_is_never_a_goal() -> None:
     """Goals in the 60° that an RX-28 cannot reach are refused, so that none is wrapped to the other end."""
-    rig = Rig("rx28", SYNC)
+    rig = FaultRig("rx28", SYNC)
     for degrees in (-1, 301, 330, 359, 360, 361):
         with pytest.raises(BadValue):
             rig.do(lambda bus, angle: bus[1].write(MODELS["rx28"].register("goal_position"), angle), degrees * deg)

@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 
 import servobus
-from faults.rig import ALTERING, DRIVERS, EVERY, LOW, POSITION, Rig, told
+from faults.rig import ALTERING, DRIVERS, EVERY, LOW, POSITION, FaultRig, told
 from servobus import MODELS, BusError, PortError
 from servobus.errors import PortLost
 from servobus.virtual.serve.ports import Port, PtyPort, TcpPort
-from servobus.virtual.serve.rig import Drawer, open_drawer
+from servobus.virtual.serve.rig import Rig, build_rig
 from servobus.virtual.serve.spec import parse_url
 from unit.lossy import ASYNC, SYNC
 from unit.served import served
@@ -34,7 +34,7 @@ needs_pty = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo termin
 def test_F16_a_port_that_goes_away_raises_at_once(key: str, when: str, driver: str) -> None:
     """While reading, while writing or while nobody does either: PortLost, no value, no waiting; opened again, all is
     as before."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     rig.inject(when)
     assert rig.try_position() == "right"
     if when.startswith("gone#2s"):
@@ -84,9 +84,9 @@ def client(name: str, driver: str) -> Iterator[Served]:
 @DRIVERS
 def test_F16_a_terminal_that_hangs_up_and_comes_back(driver: str, tmp_path: Path) -> None:
     """Through the system: PortLost at once, `reopen` finds the port under its name again, and reads are right."""
-    drawer = open_drawer(parse_url("virtual:rx28@1?faults=gone#3:200ms"))
+    servos_rig = build_rig(parse_url("virtual:rx28@1?faults=gone#3:200ms"))
     link = tmp_path / "arm"
-    with served(PtyPort(drawer, link)), client(str(link), driver) as made:
+    with served(PtyPort(servos_rig, link)), client(str(link), driver) as made:
         servo = made.bus.attach(MODELS["rx28"], 1)
         with pytest.raises(PortLost):
             for _ in range(5):
@@ -110,7 +110,7 @@ def test_F16_a_terminal_that_hangs_up_and_comes_back(driver: str, tmp_path: Path
 @DRIVERS
 def test_F17_a_port_in_use_is_refused_and_its_holder_named(driver: str) -> None:
     """A second program on the port: PortError with the name and number of the first, before a byte is sent."""
-    with served(PtyPort(open_drawer(parse_url("virtual:rx28@1")))) as port:
+    with served(PtyPort(build_rig(parse_url("virtual:rx28@1")))) as port:
         holder = "import sys, servobus; bus = servobus.open(sys.argv[1]); print('ready', flush=True); sys.stdin.read()"
         command = [sys.executable, "-c", holder, port.name]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
@@ -128,17 +128,17 @@ LOST = "mute=0.05,deaf=0.05,stranger=0.05,stall=0.03:60ms,glue=0.03"
 READS = 24
 
 
-def turn(drawer: Drawer, raw: int) -> None:
+def turn(servos_rig: Rig, raw: int) -> None:
     """Turn the shaft by hand, between two events of the line, and wait until that is done."""
     done = threading.Event()
-    real = drawer.servos[0]
+    real = servos_rig.servos[0]
 
     def act(now: float) -> None:
-        drawer.advance(now)
+        servos_rig.advance(now)
         real.turn_shaft(real.model.register(POSITION).decode(raw))
         done.set()
 
-    drawer.post(act)
+    servos_rig.post(act)
     assert done.wait(PROMPT)
 
 
@@ -148,11 +148,11 @@ def test_F7_through_the_system_no_value_is_wrong(key: str, driver: str, kind: ty
     """A mix of faults through a pseudo terminal and through TCP, on the real clock: each value is the one that the
     servo had when it was asked, or there is an exception; and afterwards all is well."""
     row = MODELS[key].register(POSITION)
-    drawer = open_drawer(parse_url(f"virtual:{key}@1"))
-    with served(kind(drawer)) as port, client(port.name, driver) as made:
+    servos_rig = build_rig(parse_url(f"virtual:{key}@1"))
+    with served(kind(servos_rig)) as port, client(port.name, driver) as made:
         servo = made.bus.attach(MODELS[key], 1)
         made.do(lambda _: servo.ping())
-        drawer.post(lambda now: drawer.inject(f"seed=5,{CHANGED},{LOST}", now))
+        servos_rig.post(lambda now: servos_rig.inject(f"seed=5,{CHANGED},{LOST}", now))
         heard: list[bytes] = []
         read = made.bus.transport.read
 
@@ -165,18 +165,18 @@ def test_F7_through_the_system_no_value_is_wrong(key: str, driver: str, kind: ty
         right = 0
         for number in range(READS + 8):
             if number == READS:
-                drawer.post(lambda now: drawer.inject(None, now))
+                servos_rig.post(lambda now: servos_rig.inject(None, now))
             raw = LOW[key] + number * 397 % 1000
-            turn(drawer, raw)
+            turn(servos_rig, raw)
             heard.clear()
-            hits = drawer.fault_counts
+            hits = servos_rig.fault_counts
             try:
                 value = row.scale.encode(made.do(lambda _: servo.read(row)))
             except BusError:
                 assert number < READS + 4
                 continue
             right += value == raw
-            altered = any(drawer.fault_counts[kind] > hits[kind] for kind in ALTERING)
+            altered = any(servos_rig.fault_counts[kind] > hits[kind] for kind in ALTERING)
             assert value == raw or (altered and value in told(key, 1, b"".join(heard)))  # nobody could know
         assert right > READS // 2
 
@@ -184,8 +184,8 @@ def test_F7_through_the_system_no_value_is_wrong(key: str, driver: str, kind: ty
 @pytest.mark.parametrize("driver", [SYNC, ASYNC])
 def test_F16_a_closed_connection_is_taken_again(driver: str) -> None:
     """Over TCP: the other end closes, PortLost; `reopen` connects anew."""
-    drawer = open_drawer(parse_url("virtual:rx28@1?faults=gone#3:100ms"))
-    with served(TcpPort(drawer)) as port, client(port.name, driver) as made:
+    servos_rig = build_rig(parse_url("virtual:rx28@1?faults=gone#3:100ms"))
+    with served(TcpPort(servos_rig)) as port, client(port.name, driver) as made:
         servo = made.bus.attach(MODELS["rx28"], 1)
         with pytest.raises(PortLost):
             for _ in range(5):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from faults.rig import DRIVERS, EVERY, Rig
+from faults.rig import DRIVERS, EVERY, FaultRig
 from servobus import NoReply, Refused, Restarted, TorqueOff, deg, dynamixel1, herkulex
 from servobus.families.lewansoul.protocol import Alarm
 from servobus.virtual.physics.motor import Load
@@ -26,7 +26,7 @@ FLAT = {
 def test_F12_an_alarm_shows_at_its_joint_and_latches(key: str, cause: str, driver: str) -> None:
     """Heat or a bad supply at one servo: its flag stands beside the values of that servo alone, stays latched when it
     is over, and goes with `rearm`."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     flag = (HOT if cause == "heat" else FLAT)[key]
     real = rig.real(2)
     if cause == "heat":
@@ -59,9 +59,9 @@ REFUSALS = [
 @pytest.mark.parametrize(("request_", "flag"), [case[1:] for case in REFUSALS], ids=[case[0] for case in REFUSALS])
 def test_F12_what_an_rx28_refuses_is_an_exception(request_: str, flag: int, driver: str) -> None:
     """Error bits that refuse an instruction raise Refused with that flag, and are no alarm of the servo."""
-    rig = Rig("rx28", driver)
+    rig = FaultRig("rx28", driver)
     rig.real().memory.store(rig.model.register("ccw_angle_limit"), 500)
-    exchange = dynamixel1.write_data(1, 30, b"\x00\x00").giving(lambda packet: packet.code)
+    exchange = dynamixel1.write_data(1, 30, b"\x00\x00").mapped(lambda packet: packet.code)
     exchange.request = bytes.fromhex(request_)
     assert rig.do(lambda bus: bus.do(exchange)) == flag  # so says the servo
     asked = dynamixel1.write_data(1, 30, b"\x00\x00")
@@ -75,7 +75,7 @@ def test_F12_what_an_rx28_refuses_is_an_exception(request_: str, flag: int, driv
 @DRIVERS
 def test_F12_a_herkulex_keeps_its_error_until_it_is_cleared(driver: str) -> None:
     """Status Error and Detail of a garbled request: in the alarms of the next answer, until `rearm` writes 0 (6-3)."""
-    rig = Rig("drs0602", driver)
+    rig = FaultRig("drs0602", driver)
     rig.port.write(bytes.fromhex("FF FF 07 01 07 02 FE"))  # STAT with a wrong checksum: 07^01^07 = 01, so 00 FE
     rig.port.sleep(0.05)
     assert rig.try_position() == "right"
@@ -91,7 +91,7 @@ def test_F12_a_herkulex_keeps_its_error_until_it_is_cleared(driver: str) -> None
 @pytest.mark.parametrize("key", ["rx28", "drs0602"])
 def test_F13_after_an_overload_nothing_jumps(key: str, driver: str) -> None:
     """Blocked until it lets go: `rearm` brings the torque back where the shaft is by then, not where its goal was."""
-    rig = Rig(key, driver, ids="1")
+    rig = FaultRig(key, driver, ids="1")
     start = rig.real().position
     rig.do(lambda bus: bus[1].torque_on())
     rig.real().shaft.load = Load(blocked=1.0)
@@ -117,7 +117,7 @@ def test_F13_after_an_overload_nothing_jumps(key: str, driver: str) -> None:
 def test_F14_a_brownout_is_found_out_and_the_joint_stays_still(key: str, driver: str) -> None:
     """A servo that restarts in the middle of a run: `verify` raises Restarted, moves are refused until the torque is
     switched on anew, and the others go on."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     for id in (1, 2):
         rig.do(lambda bus, number: bus[number].torque_on(), id)
         rig.do(lambda bus, number: bus[number].verify(), id)
@@ -142,7 +142,7 @@ def test_F14_a_brownout_is_found_out_and_the_joint_stays_still(key: str, driver:
 @EVERY
 def test_F15_a_cut_chain_loses_only_what_is_behind_the_cut(key: str, driver: str) -> None:
     """Servos 3 to 5 are off for a while: NoReply for these alone, all others right; plugged in again, all are."""
-    rig = Rig(key, driver, ids="1-5")
+    rig = FaultRig(key, driver, ids="1-5")
     rig.inject("unplug@3-5#1-")
     for id in range(1, 6):
         if id < 3:
@@ -152,7 +152,7 @@ def test_F15_a_cut_chain_loses_only_what_is_behind_the_cut(key: str, driver: str
                 rig.read(id)
     lost = sorted(id for id, counts in rig.bus.stats.servos.items() if counts.timeouts)
     assert lost == [3, 4, 5]
-    rig.port.drawer.lines[0].plug(rig.reals[2:], rig.port.now())
+    rig.port.rig.lines[0].plug(rig.reals[2:], rig.port.now())
     rig.inject(None)
     rig.port.sleep(1.0)
     for id in range(1, 6):
@@ -163,7 +163,7 @@ def test_F15_a_cut_chain_loses_only_what_is_behind_the_cut(key: str, driver: str
 @EVERY
 def test_F15_one_servo_unplugged_and_plugged_again(key: str, driver: str) -> None:
     """One servo of five is off for 40 requests: it alone is silent, and answers again when it is back."""
-    rig = Rig(key, driver, ids="1-5")
+    rig = FaultRig(key, driver, ids="1-5")
     rig.inject("unplug@2#20-60")
     silent = [id for _ in range(20) for id in range(1, 6) if rig.try_position(id) == "NoReply"]
     assert set(silent) == {2}

@@ -2,7 +2,7 @@
 
 import pytest
 
-from faults.rig import ANOTHER, DRIVERS, EVERY, POSITION, Rig
+from faults.rig import ANOTHER, DRIVERS, EVERY, POSITION, FaultRig
 from servobus import MODELS, NoReply, WrongReply
 from servobus.doctor import Level, Plan, examine
 from servobus.errors import BusError, DuplicateId, Garbled
@@ -14,7 +14,7 @@ CALM = 30
 """Answers after which the driver has got used to a line."""
 
 
-def two_questions(rig: Rig, rounds: int) -> None:
+def two_questions(rig: FaultRig, rounds: int) -> None:
     """Read two registers in turn; where the family allows it their answers look alike. Count what is wrong."""
     other = ANOTHER[rig.key]
     for _ in range(rounds):
@@ -32,10 +32,10 @@ def two_questions(rig: Rig, rounds: int) -> None:
 def test_F7_an_adapter_that_stands_still_never_gives_an_old_value(key: str, stall: str, driver: str) -> None:
     """Replies that come after their time-out, all at once and in order: not one is taken for the answer to a later
     question, of the same length or not."""
-    rig = Rig(key, driver, ids="1")
+    rig = FaultRig(key, driver, ids="1")
     rig.inject(f"seed=7,stall=0.2:{stall}")
     two_questions(rig, 100)
-    assert rig.port.drawer.fault_counts["stall"] > 20
+    assert rig.port.rig.fault_counts["stall"] > 20
     assert "wrong" not in rig.verdicts
     assert (rig.bus.stats.total.late > 0) is (rig.bus.stats.total.timeouts > 0)
     rig.inject(None)
@@ -48,7 +48,7 @@ def test_F7_an_adapter_that_stands_still_never_gives_an_old_value(key: str, stal
 def test_F7_a_reply_that_others_overtake_is_never_the_answer(key: str, late: str, driver: str) -> None:
     """Single replies held back while others pass, which no adapter does: none is taken for an answer, or it is told
     with the next exchange that there were two."""
-    rig = Rig(key, driver, ids="1")
+    rig = FaultRig(key, driver, ids="1")
     for _ in range(100):
         rig.try_position()
     rig.inject(f"seed=7,{','.join(f'late#{number}:{late}' for number in range(10, 300, 40))}")
@@ -57,7 +57,7 @@ def test_F7_a_reply_that_others_overtake_is_never_the_answer(key: str, late: str
         rig.try_position()
         if rig.verdicts[-2] == "wrong":
             assert rig.verdicts[-1] == "DuplicateId" or rig.bus.stats.total.doubled > doubled
-    assert rig.port.drawer.fault_counts["late"] > 5
+    assert rig.port.rig.fault_counts["late"] > 5
     assert rig.verdicts[-1] == "right"
 
 
@@ -65,7 +65,7 @@ def test_F7_a_reply_that_others_overtake_is_never_the_answer(key: str, late: str
 @EVERY
 def test_F8_silence(key: str, driver: str) -> None:
     """A servo that says nothing: NoReply, after two tries."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     rig.inject("mute")
     with pytest.raises(NoReply):
         rig.read()
@@ -76,7 +76,7 @@ def test_F8_silence(key: str, driver: str) -> None:
 @EVERY
 def test_F8_a_stranger_answers(key: str, driver: str) -> None:
     """An answer from another id: WrongReply, which names it; asked again if it was only one."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     rig.inject("stranger@77#1")
     assert rig.try_position() == "right"
     assert rig.bus.stats[77].strangers == 1
@@ -89,7 +89,7 @@ def test_F8_a_stranger_answers(key: str, driver: str) -> None:
 @EVERY
 def test_F8_two_answers_one_behind_the_other(key: str, driver: str) -> None:
     """A second servo with the id answers behind the first: told with the next exchange, and only with that."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     for _ in range(80):
         rig.try_position()  # by now the driver knows how soon an answer can come
     rig.inject("twin#1")
@@ -106,7 +106,7 @@ def test_F8_two_answers_one_behind_the_other(key: str, driver: str) -> None:
 def test_F8_two_servos_with_one_id_are_said_to_be(key: str, driver: str) -> None:
     """Two servos of one id stand apart and answer over each other: no value, and the scan asks whether there are
     two."""
-    rig = Rig(key, driver, ids="2,2", settle=False)
+    rig = FaultRig(key, driver, ids="2,2", settle=False)
     for raw, real in zip((300, 700), rig.reals, strict=True):
         real.turn_shaft(rig.model.register(POSITION).decode(raw))
     with pytest.raises((Garbled, DuplicateId), match="two servos"):
@@ -116,7 +116,7 @@ def test_F8_two_servos_with_one_id_are_said_to_be(key: str, driver: str) -> None
 @DRIVERS
 def test_F8_two_servos_with_one_id_and_other_delays(driver: str) -> None:
     """Two RX-28 of one id whose return delays differ answer one behind the other: DuplicateId."""
-    rig = Rig("rx28", driver, ids="2,2", settle=False)
+    rig = FaultRig("rx28", driver, ids="2,2", settle=False)
     slow = rig.reals[1]
     slow.memory.store(rig.model.register("return_delay_time"), 254)  # 508 µs
     rig.reals[0].memory.store(rig.model.register("return_delay_time"), 0)
@@ -133,7 +133,7 @@ def test_F8_two_servos_with_one_id_and_other_delays(driver: str) -> None:
 @pytest.mark.parametrize(("key", "baud"), [("rx28", 1_000_000), ("rx28", 115_200), ("drs0602", 57_600)])
 def test_F9_a_servo_at_another_speed_is_found(key: str, baud: int, driver: str) -> None:
     """Asked at the wrong speed it gives no value; a scan over the speeds finds it, and reads go on there."""
-    rig = Rig(key, driver, ids="3", options=f"&baud={baud}", settle=False)
+    rig = FaultRig(key, driver, ids="3", options=f"&baud={baud}", settle=False)
     with pytest.raises((NoReply, Garbled)):
         rig.read(3)
     (servo,) = rig.do(lambda bus: bus.scan(family=rig.model.family, bauds=rig.model.family.bauds, ids=range(5)))
@@ -158,7 +158,7 @@ def test_F9_the_doctor_names_the_speed(key: str) -> None:
 @pytest.mark.parametrize("skew", ["-2.5%", "2.5%"])
 def test_F9_a_speed_that_is_a_little_off(key: str, skew: str, driver: str) -> None:
     """A servo whose clock is off by what it may (RX-28 manual 3-4-1: 3 %, less what its divisor takes): no trouble."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     rig.inject(f"skew@1={skew}")
     for _ in range(100):
         rig.try_position()
@@ -169,7 +169,7 @@ def test_F9_a_speed_that_is_a_little_off(key: str, skew: str, driver: str) -> No
 @DRIVERS
 def test_F9_two_speeds_on_one_bus(driver: str) -> None:
     """Each servo is spoken to at its own speed; what the other one makes of that costs no wrong value."""
-    rig = Rig("rx28", driver, ids="1-2", settle=False)
+    rig = FaultRig("rx28", driver, ids="1-2", settle=False)
     rig.real(2).store_baud(1_000_000)
     servos = rig.do(lambda bus: bus.scan(family="dynamixel", bauds=(57_600, 1_000_000), ids=range(4)))
     assert sorted((servo.id, servo.baud) for servo in servos) == [(1, 57_600), (2, 1_000_000)]
@@ -185,7 +185,7 @@ ANSWERED = [(key, level) for key in ("rx28", "drs0602") for level in Answers] + 
 @pytest.mark.parametrize(("key", "answers"), ANSWERED)
 def test_F10_a_write_is_awaited_only_where_an_answer_can_come(key: str, answers: Answers, driver: str) -> None:
     """A write takes its bits where nothing answers it, and its answer's bits and delay where something does."""
-    rig = Rig(key, driver, ids="1", answers=answers, settle=False, echo=False)
+    rig = FaultRig(key, driver, ids="1", answers=answers, settle=False, echo=False)
     name = "torque_enable" if key == "lx16a" else ANOTHER[key]
     rig.inject(None)
     start = rig.port.now()
@@ -204,7 +204,7 @@ def test_F10_a_write_is_awaited_only_where_an_answer_can_come(key: str, answers:
 READS = 1000
 
 
-def false_alarms(rig: Rig, delay: str, faults: str) -> int:
+def false_alarms(rig: FaultRig, delay: str, faults: str) -> int:
     """Count reads that failed or were asked again, after the first few, on a line that only has delays."""
     rig.port.inject(faults)
     rig.port.latency = LATENCY  # what is assumed of an adapter that tells nothing
@@ -223,7 +223,7 @@ def false_alarms(rig: Rig, delay: str, faults: str) -> int:
 @pytest.mark.parametrize("delay", [0, 127, 254])
 def test_F11_return_delays(delay: int) -> None:
     """An RX-28's Return Delay Time from none to 508 µs: never taken for silence."""
-    rig = Rig("rx28", ids="1")
+    rig = FaultRig("rx28", ids="1")
     rig.do(lambda bus: bus[1].write_raw({rig.model.register("return_delay_time"): delay}))
     assert false_alarms(rig, f"{delay}", "") == 0
 
@@ -233,7 +233,7 @@ def test_F11_return_delays(delay: int) -> None:
 def test_F11_slow_adapters_with_jitter(key: str, latency: str) -> None:
     """An adapter that holds bytes back for 1, 16 or 40 ms, and up to half as long again by chance: after the first few
     reads no more than one in a thousand is taken for lost, and none is wrong."""
-    rig = Rig(key, ids="1", settle=False)
+    rig = FaultRig(key, ids="1", settle=False)
     jitter = int(latency.removesuffix("ms")) / 2
     assert false_alarms(rig, latency, f"seed=11,latency={latency},jitter={jitter}ms") <= READS // 1000
 
@@ -241,7 +241,7 @@ def test_F11_slow_adapters_with_jitter(key: str, latency: str) -> None:
 @DRIVERS
 def test_F11_one_slow_moment_after_calm(driver: str) -> None:
     """A line that was quick for long and stands still once: silence until that is over, and then right at once."""
-    rig = Rig("rx28", driver, ids="1")
+    rig = FaultRig("rx28", driver, ids="1")
     for _ in range(CALM):
         rig.try_position()
     rig.inject("stall#1:60ms")
@@ -255,7 +255,7 @@ def test_F11_one_slow_moment_after_calm(driver: str) -> None:
 
 def test_F11_patience_has_a_limit() -> None:
     """However late answers have been, silence is told within half a second."""
-    rig = Rig("rx28", SYNC, ids="1")
+    rig = FaultRig("rx28", SYNC, ids="1")
     rig.inject("seed=1,stall=0.5:120ms,stall=0.5:600ms")
     for _ in range(50):
         rig.try_position()

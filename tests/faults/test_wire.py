@@ -5,11 +5,11 @@ import random
 
 import pytest
 
-from faults.rig import DRIVERS, EVERY, POSITION, Rig
+from faults.rig import DRIVERS, EVERY, POSITION, FaultRig
 from servobus import MODELS, BusError
 from servobus.core.exchange import Collector, Exchange
 from servobus.core.framing import Decoder
-from servobus.families.base import Answers, Target
+from servobus.families.base import Answers, ServoRef
 from unit.lossy import ASYNC, SYNC
 
 SIZES = {"rx28": 8, "drs0602": 13, "lx16a": 8}
@@ -20,7 +20,7 @@ PLACES = [(key, place) for key, size in SIZES.items() for place in range(size)]
 
 def question(key: str) -> Exchange[bytes]:
     """What asks servo 1 for its position."""
-    target = Target(1, MODELS[key], Answers.READS)
+    target = ServoRef(1, MODELS[key], Answers.READS)
     (exchange,) = MODELS[key].family.reading(target, [MODELS[key].register(POSITION)]).exchanges
     return exchange
 
@@ -41,7 +41,7 @@ def answer(key: str, raw: int) -> bytes:
 @pytest.mark.parametrize("key", SIZES)
 def test_F2_the_answers_here_are_those_that_come(key: str) -> None:
     """The bytes that are worked out here are those of the virtual servo."""
-    rig = Rig(key)
+    rig = FaultRig(key)
     rig.inject(None)
     assert rig.port.heard == b""
     raw = rig.turn()
@@ -54,10 +54,10 @@ def test_F2_the_answers_here_are_those_that_come(key: str) -> None:
 @pytest.mark.parametrize(("key", "place"), PLACES)
 def test_F1_a_lost_byte_costs_one_retry_and_no_value(key: str, place: int, driver: str) -> None:
     """Whichever byte of a reply is lost, the read is right with the second try, and so is the next one."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     rig.inject(f"drop@{place}#1")
     assert [rig.try_position(), rig.try_position()] == ["right", "right"]
-    assert rig.port.drawer.fault_counts == {"drop": 1}
+    assert rig.port.rig.fault_counts == {"drop": 1}
     assert rig.bus.stats[1].retries == 1
 
 
@@ -75,7 +75,7 @@ def invisible(key: str, bit: int) -> bool:
 def test_F2_a_flipped_bit_is_never_accepted_but_where_no_checksum_sees_it(key: str, driver: str) -> None:
     """Each bit in turn: noticed and asked again, but for the 4 bits of a HerkuleX, 2 of which change the value by 1 or
     256."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     accepted = []
     for bit in range(8 * SIZES[key]):
         before = rig.bus.stats[1].retries
@@ -137,13 +137,13 @@ def test_F3_two_flipped_bits_pass_only_where_they_cancel(key: str, raw: int, pai
 def test_F3_pairs_that_cancel_are_the_only_wrong_values(key: str, driver: str) -> None:
     """Of many reads with two bits flipped by chance so that the checksum fits, each is right, refused, or one whose
     bits were in the value."""
-    rig = Rig(key, driver, ids="1")
+    rig = FaultRig(key, driver, ids="1")
     first = {"rx28": 5, "drs0602": 9, "lx16a": 5}[key]  # the value's first byte
     rig.inject("seed=3,pair=0.5")
     for _ in range(300):
-        hits = len(rig.port.drawer.injected)
+        hits = len(rig.port.rig.injected)
         if rig.try_position() == "provable":
-            fresh = rig.port.drawer.injected[hits:]
+            fresh = rig.port.rig.injected[hits:]
             places = [int(bit) // 8 for one in fresh for bit in one.where.removeprefix("bits ").split(", ")]
             assert any(place in (first, first + 1) for place in places)
     assert "provable" in rig.verdicts  # else this would show nothing
@@ -172,7 +172,7 @@ JUNK = [
 def test_F4_header_bytes_before_inside_and_behind_a_reply(key: str, junk: str, driver: str) -> None:
     """Bytes that look like the beginning of a packet, at every place of a reply: the read is right, with one retry at
     most."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     for place in ("before", *range(1, SIZES[key]), "after"):
         before = rig.bus.stats[1].retries
         rig.inject(f"junk@{place}#1:0x{junk}")
@@ -187,7 +187,7 @@ def test_F4_header_bytes_before_inside_and_behind_a_reply(key: str, junk: str, d
 @EVERY
 def test_F4_one_to_64_bytes_of_junk(key: str, driver: str) -> None:
     """Junk of every length in every place: each read is right, unless both tries were hit, and none is wrong."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     rig.inject("seed=4,junk@before=0.3,junk@inside=0.3,junk@after=0.3")
     for _ in range(200):
         rig.try_position()
@@ -225,7 +225,7 @@ def test_F4_junk_takes_linear_time_and_bounded_memory(key: str, monkeypatch: pyt
 @pytest.mark.parametrize(("key", "place"), [(key, place) for key, place in PLACES if place])
 def test_F5_a_reply_in_two_pieces(key: str, place: int, driver: str) -> None:
     """A pause before any byte of a reply changes nothing: the same value, and nothing is asked again."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     rig.inject(f"split@{place}:1ms")
     assert [rig.try_position() for _ in range(3)] == ["right"] * 3
     assert rig.bus.stats.total.retries == 0
@@ -235,7 +235,7 @@ def test_F5_a_reply_in_two_pieces(key: str, place: int, driver: str) -> None:
 @EVERY
 def test_F5_two_replies_glued_together(key: str, driver: str) -> None:
     """A reply that comes with the next one in one piece: that one is told from it, and the value is right."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     rig.inject("glue#1,glue#4")
     assert [rig.try_position() for _ in range(4)] == ["right"] * 4
     assert rig.bus.stats.total.late >= 1
@@ -245,7 +245,7 @@ def test_F5_two_replies_glued_together(key: str, driver: str) -> None:
 @EVERY
 def test_F6_a_full_echo_is_found_out(key: str, driver: str) -> None:
     """An adapter that hears what it sends: found out with the first exchange, and never taken for data."""
-    rig = Rig(key, driver, options="&echo=on")
+    rig = FaultRig(key, driver, options="&echo=on")
     assert rig.bus.echo is True
     assert [rig.try_position() for _ in range(20)] == ["right"] * 20
     assert rig.bus.stats.total.echo == rig.bus.stats.total.retries == 0
@@ -255,7 +255,7 @@ def test_F6_a_full_echo_is_found_out(key: str, driver: str) -> None:
 @EVERY
 def test_F6_a_broken_echo_is_an_error_and_no_data(key: str, driver: str) -> None:
     """Part of the echo, none of it, or one bad byte in any place: asked again, and the value is right."""
-    rig = Rig(key, driver, options="&echo=on")
+    rig = FaultRig(key, driver, options="&echo=on")
     size = len(question(key).request)
     broken = 0
     for fault in (
@@ -276,7 +276,7 @@ def test_F6_a_broken_echo_is_an_error_and_no_data(key: str, driver: str) -> None
 @EVERY
 def test_F6_an_echo_that_comes_up_later(key: str, driver: str) -> None:
     """An adapter that begins to echo: no echo is taken for an answer, and reads go on."""
-    rig = Rig(key, driver)
+    rig = FaultRig(key, driver)
     assert rig.bus.echo is False
     rig.inject("echo@full")
     for _ in range(10):
@@ -287,7 +287,7 @@ def test_F6_an_echo_that_comes_up_later(key: str, driver: str) -> None:
 @pytest.mark.parametrize("driver", [SYNC, ASYNC])
 def test_F6_a_ping_whose_echo_looks_like_its_answer(driver: str) -> None:
     """An RX-28's PING is its own answer with a voltage error: with a new echo and nobody there it is no answer."""
-    rig = Rig("rx28", driver)
+    rig = FaultRig("rx28", driver)
     rig.inject("echo@full,mute")
     with pytest.raises(BusError):
         rig.do(lambda bus: bus[1].ping())

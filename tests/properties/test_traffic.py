@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from golden.golden import load
 from servobus.families.base import Family
 from servobus.families.registry import FAMILIES
-from servobus.traffic.events import Kind, Sight
+from servobus.traffic.events import Kind, TrafficEvent
 from servobus.traffic.recording import Chunk, Direction, End, Entry, Header, Speed, line, parse
 from servobus.traffic.tracker import Tracker
 
@@ -35,7 +35,7 @@ def entries(script: list[tuple[float, Direction, bytes]]) -> list[Entry]:
     return [*made, Speed(time, 115_200), End(time + 2)]
 
 
-def watch(tracker: Tracker, script: list[Entry]) -> list[Sight]:
+def watch(tracker: Tracker, script: list[Entry]) -> list[TrafficEvent]:
     return [sight for entry in script for sight in tracker.feed(entry)] + tracker.finish()
 
 
@@ -56,13 +56,13 @@ def test_looking_at_the_clock_changes_nothing(
     script: list[tuple[float, Direction, bytes]], family: Family | None, baud: int, step: float
 ) -> None:
     plain, live = Tracker(family, baud=baud), Tracker(family, baud=baud)
-    seen = list[Sight]()
+    seen = list[TrafficEvent]()
     for entry in entries(script):
         while live.time + step < entry.time:
             seen += live.pass_time(live.time + step)
         seen += live.feed(entry)
     assert seen + live.finish() == watch(plain, entries(script))
-    assert live.tallies == plain.tallies
+    assert live.servos == plain.servos
 
 
 @given(traffic, families, speeds)
@@ -79,9 +79,9 @@ def test_a_recording_says_the_same(
 def test_the_counts_add_up(script: list[tuple[float, Direction, bytes]], family: Family | None, baud: int) -> None:
     tracker = Tracker(family, baud=baud)
     kinds = [sight.kind for sight in watch(tracker, entries(script))]
-    assert sum(tally.requests for tally in tracker.tallies) == kinds.count(Kind.REQUEST)
-    assert sum(tally.missing for tally in tracker.tallies) == kinds.count(Kind.SILENCE)
+    assert sum(tally.requests for tally in tracker.servos) == kinds.count(Kind.REQUEST)
+    assert sum(tally.missing for tally in tracker.servos) == kinds.count(Kind.SILENCE)
     assert tracker.corrupt == kinds.count(Kind.CORRUPT)
-    for tally in tracker.tallies:
+    for tally in tracker.servos:
         assert tally.answered + tally.failed <= tally.requests
         assert tally.latencies.total() <= kinds.count(Kind.ANSWER)

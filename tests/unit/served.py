@@ -11,7 +11,7 @@ from servobus import Bus, open
 from servobus.core.framing import Corrupt, Packet
 from servobus.virtual.device.servo import Replies, VirtualServo
 from servobus.virtual.serve.ports import Port, PtyPort
-from servobus.virtual.serve.rig import open_drawer
+from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import parse_url
 
 PATIENCE = 30.0
@@ -45,15 +45,15 @@ class Arm:
     """Serves virtual servos while it is open. `name` is what a client opens, `heard` the packets so far."""
 
     def __init__(self, spec: str) -> None:
-        self.drawer = open_drawer(parse_url(f"virtual:{spec}"))
+        self.rig = build_rig(parse_url(f"virtual:{spec}"))
         self.heard: list[Packet] = []
-        for servo in self.drawer.servos:
+        for servo in self.rig.servos:
             self._write_down(servo)
         self._stop = threading.Event()
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
-        port = self._stack.enter_context(PtyPort(self.drawer))
+        port = self._stack.enter_context(PtyPort(self.rig))
         self.name = port.name
         server = threading.Thread(target=port.serve, args=[self._stop], daemon=True)
         server.start()
@@ -68,7 +68,7 @@ class Arm:
 
     @property
     def servos(self) -> list[VirtualServo]:
-        return self.drawer.servos
+        return self.rig.servos
 
     def open(self) -> Bus:
         return open(self.name, echo=False)

@@ -52,7 +52,7 @@ def test_every_error_is_exported(name: str) -> None:
     assert name in servobus.__all__
 
 
-@pytest.mark.parametrize("name", ["Counts", "Reunion", "Stats", "Watch"])
+@pytest.mark.parametrize("name", ["Counts", "ReconnectReport", "Stats", "Watchdog"])
 def test_so_is_what_a_bus_gives(name: str) -> None:
     assert name in servobus.__all__
     assert inspect.isclass(getattr(servobus, name))

@@ -33,7 +33,7 @@ def test_faults(virtual_bus):
     bus = virtual_bus("rx28@1", faults="mute")
     with pytest.raises(servobus.BusError):
         bus.find(1, family="dynamixel")
-    assert bus.transport.drawer.fault_counts["mute"] >= 1
+    assert bus.transport.rig.fault_counts["mute"] >= 1
     bus.transport.inject(None)
     assert bus.find(1, family="dynamixel").id == 1
 

@@ -16,23 +16,23 @@ from contextlib import asynccontextmanager, contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from servobus.bus.base import POSITION_SPEED_LOAD, Driver, Reunion
+from servobus.bus.base import POSITION_SPEED_LOAD, Driver, ReconnectReport
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Exchange, Job
 from servobus.core.operation import Awaiting
 from servobus.errors import PortError
-from servobus.families.base import Target
-from servobus.jobs.move import Course
-from servobus.link.link import MISSED, Link, Listen, Waits
+from servobus.families.base import ServoRef
+from servobus.jobs.move import PlannedMove
+from servobus.link.link import NOT_FAST, Link, Receive, Waits
 
 if TYPE_CHECKING:
     from servobus.bus.cycle import AsyncBusCycle
 
 T = TypeVar("T")
 
-POLITE = 0.1
+LOCK_TIMEOUT = 0.1
 """s that one who must make the servos safe waits for the line before he interrupts who has it."""
-FIRM = 0.4
+TAKEOVER_TIMEOUT = 0.4
 """s after which he does without the other's leave: the loop may be stuck."""
 LOOK = 0.002
 """s between two looks whether the line is free; no thread can wait for a lock of a loop."""
@@ -41,10 +41,10 @@ LOOK = 0.002
 class AsyncMove:
     """A move: `await` it to start it, `await ....wait()` to start it and see it arrive."""
 
-    def __init__(self, bus: "AsyncBus", start: Callable[[], Awaitable[list[Course]]]) -> None:
+    def __init__(self, bus: "AsyncBus", start: Callable[[], Awaitable[list[PlannedMove]]]) -> None:
         self._bus = bus
         self._start = start
-        self.courses: list[Course] = []
+        self.moves: list[PlannedMove] = []
 
     def __await__(self) -> Generator[Any, None, "AsyncMove"]:
         return self._started().__await__()
@@ -52,23 +52,23 @@ class AsyncMove:
     @property
     def duration(self) -> float:
         """Seconds from start to arrival; known once it has started."""
-        return max(course.duration for course in self.courses)
+        return max(course.duration for course in self.moves)
 
     async def wait(self, timeout: float | None = None) -> None:  # noqa: ASYNC109 - the bus's clock, which may be virtual
         """Start if need be, and wait until the servos stand still near their goals; see `Move.wait`."""
         await self._started()
-        await self._bus.arrive(self.courses, timeout)
+        await self._bus.wait_arrival(self.moves, timeout)
 
     async def _started(self) -> "AsyncMove":
-        if not self.courses:
-            self.courses = await self._start()
+        if not self.moves:
+            self.moves = await self._start()
         return self
 
 
 class AsyncBusServo(Awaiting, Servo):
     """A servo on an asynchronous bus."""
 
-    def __init__(self, bus: "AsyncBus", target: Target, baud: int, firmware: str) -> None:
+    def __init__(self, bus: "AsyncBus", target: ServoRef, baud: int, firmware: str) -> None:
         super().__init__(target, baud, firmware)
         self._bus = bus
 
@@ -83,7 +83,7 @@ class AsyncBusServo(Awaiting, Servo):
         Raises BadValue, TorqueOff or UsageError before anything moves.
         """
 
-        async def start() -> list[Course]:
+        async def start() -> list[PlannedMove]:
             return [await self.start_move(angle, time=time, speed=speed)]
 
         return AsyncMove(self._bus, start)
@@ -137,7 +137,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         self._stop_listening()
         self.transport.close()
 
-    async def reopen(self) -> Reunion:
+    async def reopen(self) -> ReconnectReport:
         """Open the port again after it was lost, and see who is there; see `Bus.reopen`."""
         async with self._lock:
             self._stop_listening()  # what is opened may get the same descriptor
@@ -158,24 +158,24 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
                 await self._wait(link, link.set_baud(baud))
             if type(job) is not Exchange:
                 return await self._wait(link, link.run(job))
-            if not (window := link.begin(job)):
-                return await self._wait(link, link.carry(job))
+            if not (window := link.try_fast_send(job)):
+                return await self._wait(link, link.transact(job))
             try:
                 heard = await self._read(window)
             except BaseException:
-                link.give_up(job)
+                link.abandon(job)
                 raise
-            if link.retired:
+            if link.superseded:
                 link.check()
-            result = link.quick(job, heard)
-            if result is MISSED:
-                return await self._wait(link, link.carry(job, heard))
-            return result  # type: ignore[return-value] # it is a T, as it is not MISSED
+            result = link.try_fast_receive(job, heard)
+            if result is NOT_FAST:
+                return await self._wait(link, link.transact(job, heard))
+            return result  # type: ignore[return-value] # it is a T, as it is not NOT_FAST
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> AsyncMove:
         """Move several servos, id -> angle in rad, that start together and arrive together; see `Bus.move`."""
 
-        async def start() -> list[Course]:
+        async def start() -> list[PlannedMove]:
             return await self.start_move(goals, time=time, speed=speed)
 
         return AsyncMove(self, start)
@@ -209,7 +209,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         finally:
             await self.torque_off(servos)
 
-    def _bind(self, target: Target, baud: int, firmware: str) -> AsyncBusServo:
+    def _bind(self, target: ServoRef, baud: int, firmware: str) -> AsyncBusServo:
         return AsyncBusServo(self, target, baud, firmware)
 
     # Carrying out
@@ -219,7 +219,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         try:
             wait = next(waits)
             while True:
-                if isinstance(wait, Listen):
+                if isinstance(wait, Receive):
                     heard = await self._read(wait.seconds)
                 elif wait.shared:
                     self._lock.release()
@@ -229,7 +229,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
                         await self._lock.acquire()
                 else:
                     await self._pause(wait.seconds)
-                if link.retired:
+                if link.superseded:
                     link.check()
                 wait = waits.send(heard)
         except StopIteration as stop:
@@ -239,15 +239,15 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             waits.close()
 
     @contextmanager
-    def _seized(self, *, interrupt: bool) -> Iterator[Link]:
-        """See `Safeguard._seized`. Tasks that want the line meanwhile get Stopped: no lock holds them off."""
+    def _take_over(self, *, interrupt: bool) -> Iterator[Link]:
+        """See `SafeStop._take_over`. Tasks that want the line meanwhile get Stopped: no lock holds them off."""
         old = self.link
         if not interrupt:
-            self._await_free(POLITE)
-        link = old.retire()
+            self._await_free(LOCK_TIMEOUT)
+        link = old.supersede()
         if not interrupt:
-            self._await_free(FIRM)
-        held = self._reading.acquire(timeout=FIRM)
+            self._await_free(TAKEOVER_TIMEOUT)
+        held = self._reading.acquire(timeout=TAKEOVER_TIMEOUT)
         try:
             yield link
         finally:
@@ -255,8 +255,8 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             if held:
                 self._reading.release()
 
-    def _await_free(self, patience: float) -> None:
-        end = time.monotonic() + patience
+    def _await_free(self, reply_margin: float) -> None:
+        end = time.monotonic() + reply_margin
         while self._lock.locked() and time.monotonic() < end:
             time.sleep(LOOK)
 

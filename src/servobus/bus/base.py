@@ -9,23 +9,23 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from servobus.bus.servo import Servo
-from servobus.core.exchange import Exchange, Procedure, SetBaud, Volley
+from servobus.core.exchange import Batch, Exchange, Procedure, SetBaud
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import LAST_ID, check_id
-from servobus.core.operation import Operation
+from servobus.core.operation import bus_method
 from servobus.core.registers import Register
 from servobus.core.values import frozen, replace
 from servobus.errors import BusError, Restarted, UnknownName, UsageError
 from servobus.families import registry
-from servobus.families.base import Answers, Family, Model, Target
+from servobus.families.base import Answers, Family, Model, ServoRef
 from servobus.families.record import SafeAction
 from servobus.jobs.look import verify
-from servobus.jobs.move import Course, arrive, launch, plan, require_torque
-from servobus.jobs.scan import Found, Survey, Watcher, find, scan
+from servobus.jobs.move import PlannedMove, plan, require_torque, start_move, wait_arrival
+from servobus.jobs.scan import FoundServo, ScanResult, Watcher, find, scan
 from servobus.link.link import Link
-from servobus.link.pipeline import VolleyLink
+from servobus.link.pipeline import PipelinedLink
 from servobus.link.stats import Stats
-from servobus.safety.safe_stop import Safeguard
+from servobus.safety.safe_stop import SafeStop
 from servobus.transports.base import Transport
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ POSITION_SPEED_LOAD = ("present_position", "present_speed", "present_load")
 
 
 @frozen
-class Reunion:
+class ReconnectReport:
     """Who is there after a port was opened again: ids. `restarted` are those of the present that lost their RAM."""
 
     present: tuple[int, ...]
@@ -46,7 +46,7 @@ class Reunion:
     restarted: tuple[int, ...]
 
 
-class Driver(Safeguard, Generic[S]):
+class Driver(SafeStop, Generic[S]):
     """A port, and the servos known on it.
 
     `bauds` are the speeds to look for servos at, if not the factory speed of each family. `echo` says
@@ -67,7 +67,7 @@ class Driver(Safeguard, Generic[S]):
         self._echo = echo
         self.link = self._new_link()
         self.bauds = bauds
-        self.survey = Survey()
+        self.survey = ScanResult()
         """What the last scan saw, what made no sense included."""
         self._servos: list[S] = []
         self._protections: dict[S, Protection] = {}
@@ -133,9 +133,9 @@ class Driver(Safeguard, Generic[S]):
             old.target = replace(old.target, answers=answers)
             old.baud, old.firmware = baud, firmware or old.firmware
             return old
-        servo = self._bind(Target(id, model, answers), baud, firmware)
-        servo.notes.gate = partial(self._about_to_move, servo)
-        servo.notes.attend = self._attended
+        servo = self._bind(ServoRef(id, model, answers), baud, firmware)
+        servo.notes.before_motion = partial(self._about_to_move, servo)
+        servo.notes.keep_alive = self._kept_alive
         servo.notes.safe_action = self._safe_action
         if old is None:
             self._servos.append(servo)
@@ -146,7 +146,7 @@ class Driver(Safeguard, Generic[S]):
 
     # Finding servos
 
-    @Operation
+    @bus_method
     def scan(
         self,
         *,
@@ -161,7 +161,7 @@ class Driver(Safeguard, Generic[S]):
         id. What answered without making sense is in `survey.troubles` afterwards. If it is broken off, by Ctrl-C
         or by what `watch` raises, those that were found so far are known.
         """
-        survey = self.survey = Survey()
+        survey = self.survey = ScanResult()
         servos: list[S] = []
         try:
             yield from scan(self._families(family), self._speeds(bauds), ids, watch, survey)
@@ -169,7 +169,7 @@ class Driver(Safeguard, Generic[S]):
             servos += [servo for found in survey.found if (servo := self.adopt(found)) is not None]
         return servos
 
-    @Operation
+    @bus_method
     def find(self, id: int, *, family: Family | str | None = None, bauds: Iterable[int] | None = None) -> Procedure[S]:
         """Look for one servo. Raises NoReply, or BusError if what answers is no model known here."""
         found = yield from find(self._families(family), self._speeds(bauds), id)
@@ -179,7 +179,7 @@ class Driver(Safeguard, Generic[S]):
 
     # Several at once
 
-    @Operation
+    @bus_method
     def read_all(self, name: str | Register[Any]) -> Procedure[dict[int, Any]]:
         """Read one register of every known servo, by the name or alias that their models share; id -> value.
 
@@ -194,44 +194,44 @@ class Driver(Safeguard, Generic[S]):
             values[servo.id] = register.decode(raw)
         return values
 
-    @Operation
+    @bus_method
     def plan_move(
         self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None
-    ) -> Procedure[list[Course]]:
+    ) -> Procedure[list[PlannedMove]]:
         """Check a move of several servos, id -> angle in rad, without moving any; see `move`."""
         return self._planned(goals, time, speed)
 
-    @Operation
-    def launch(self, courses: list[Course]) -> Procedure[None]:
+    @bus_method
+    def start_planned(self, moves: list[PlannedMove]) -> Procedure[None]:
         """Start a move that was planned: one packet starts all servos of a family."""
-        return self._launched(courses)
+        return self._start_planned(moves)
 
-    @Operation
+    @bus_method
     def start_move(
         self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None
-    ) -> Procedure[list[Course]]:
-        """Plan a move, make sure that all servos have torque, and launch it; see `move`."""
-        courses = yield from self._planned(goals, time, speed)
-        require_torque(courses)
-        yield from self._launched(courses)
-        return courses
+    ) -> Procedure[list[PlannedMove]]:
+        """Plan a move, make sure that all servos have torque, and start it; see `move`."""
+        moves = yield from self._planned(goals, time, speed)
+        require_torque(moves)
+        yield from self._start_planned(moves)
+        return moves
 
-    @Operation
-    def arrive(self, courses: list[Course], timeout: float | None = None) -> Procedure[None]:
-        """Wait until all servos of these moves stand still near their goals; see `arrive`."""
-        for course in courses:
-            yield SetBaud(self[course.legs[0].target.id].baud)
-            yield from arrive(course, timeout=timeout)
+    @bus_method
+    def wait_arrival(self, moves: list[PlannedMove], timeout: float | None = None) -> Procedure[None]:
+        """Wait until all servos of these moves stand still near their goals; see `wait_arrival`."""
+        for course in moves:
+            yield SetBaud(self[course.axes[0].target.id].baud)
+            yield from wait_arrival(course, timeout=timeout)
 
-    @Operation
+    @bus_method
     def torque_on(self, servos: list[S]) -> Procedure[None]:
         """Switch the torque of these servos on, each with goal := present position first."""
         for servo in servos:
             yield SetBaud(servo.baud)
-            servo.notes.go()
+            servo.notes.mark_moving()
             yield from servo.family.torque(servo.target, on=True)
 
-    @Operation
+    @bus_method
     def torque_off(self, servos: list[S]) -> Procedure[None]:
         """Switch the torque of these servos off: of all, even if one fails; then tell of the first failure."""
         first: BusError | None = None
@@ -239,13 +239,13 @@ class Driver(Safeguard, Generic[S]):
             yield SetBaud(servo.baud)
             try:
                 yield from servo.family.torque(servo.target, on=False)
-                servo.notes.rest()
+                servo.notes.mark_idle()
             except BusError as error:
                 first = first or error
         if first is not None:
             raise first
 
-    @Operation
+    @bus_method
     def protect(self, thresholds: "Thresholds | None" = None) -> "Procedure[dict[int, Level]]":
         """Look once how hot every known servo is and whether it is stuck, and act on it; id -> level.
 
@@ -276,25 +276,27 @@ class Driver(Safeguard, Generic[S]):
 
     # Helpers
 
-    def _planned(self, goals: Mapping[int, float], time: float | None, speed: float | None) -> Procedure[list[Course]]:
-        courses = []
+    def _planned(
+        self, goals: Mapping[int, float], time: float | None, speed: float | None
+    ) -> Procedure[list[PlannedMove]]:
+        moves = []
         for group in self._groups(goals):
             yield SetBaud(group[0].baud)
             targets = {servo.target: goals[servo.id] for servo in group}
-            courses.append((yield from plan(targets, time=time, speed=speed)))
-        return courses
+            moves.append((yield from plan(targets, time=time, speed=speed)))
+        return moves
 
-    def _launched(self, courses: list[Course]) -> Procedure[None]:
-        for course in courses:
-            yield SetBaud(self[course.legs[0].target.id].baud)
-            yield from launch(course)
+    def _start_planned(self, moves: list[PlannedMove]) -> Procedure[None]:
+        for course in moves:
+            yield SetBaud(self[course.axes[0].target.id].baud)
+            yield from start_move(course)
 
-    def _reunited(self) -> Procedure[Reunion]:
+    def _reunited(self) -> Procedure[ReconnectReport]:
         """Find out which of the known servos are there, and which of them have restarted."""
         present: list[S] = []
         for group in self._groups():
             yield SetBaud(group[0].baud)
-            answers = yield Volley([servo.family.ping(servo.id) for servo in group])
+            answers = yield Batch([servo.family.ping(servo.id) for servo in group])
             present += [servo for servo, answer in zip(group, answers, strict=True) if answer is None]
         restarted = []
         for servo in list(present):
@@ -309,13 +311,13 @@ class Driver(Safeguard, Generic[S]):
             except BusError:
                 present.remove(servo)  # it answered, and then no more
         missing = tuple(servo.id for servo in self if servo not in present)
-        return Reunion(tuple(servo.id for servo in present), missing, tuple(restarted))
+        return ReconnectReport(tuple(servo.id for servo in present), missing, tuple(restarted))
 
     @abstractmethod
-    def _bind(self, target: Target, baud: int, firmware: str) -> S:
+    def _bind(self, target: ServoRef, baud: int, firmware: str) -> S:
         """Make this driver's own kind of servo."""
 
-    def adopt(self, found: Found) -> S | None:
+    def adopt(self, found: FoundServo) -> S | None:
         """Know a servo that a scan has found, as it was seen then; None for a model that is not known here."""
         if found.model is None:
             return None
@@ -349,19 +351,19 @@ class Driver(Safeguard, Generic[S]):
         return list(self._servos)
 
     def _new_link(self) -> Link:
-        return VolleyLink(self.transport, echo=self._echo, heard=self._heard, markers=self._markers)
+        return PipelinedLink(self.transport, echo=self._echo, heard=self._heard, fences=self._fences)
 
     def _reopened(self) -> None:
         """Begin anew on a port that was opened again: nothing of the old one can come any more."""
         stats = self.link.stats
-        self.link.retire()
+        self.link.supersede()
         self.link = self._new_link()
         self.link.stats = stats
 
     # What the link asks of us
 
-    def _markers(self, framing: Framing, id: int) -> Sequence[Exchange[Any]]:
-        return _FAMILY_OF[framing].markers(id)
+    def _fences(self, framing: Framing, id: int) -> Sequence[Exchange[Any]]:
+        return _FAMILY_OF[framing].fences(id)
 
     def _heard(self, exchange: Exchange[Any], packet: Packet) -> None:
         """Keep the alarms of a reply with the servo that sent it."""

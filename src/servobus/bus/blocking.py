@@ -14,50 +14,50 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from servobus.bus.base import POSITION_SPEED_LOAD, Driver, Reunion
+from servobus.bus.base import POSITION_SPEED_LOAD, Driver, ReconnectReport
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Exchange, Job
 from servobus.core.operation import Blocking
-from servobus.families.base import Target
-from servobus.jobs.move import Course
-from servobus.link.blocking import carry_out
-from servobus.link.link import MISSED, Link, Waits
+from servobus.families.base import ServoRef
+from servobus.jobs.move import PlannedMove
+from servobus.link.blocking import run_blocking
+from servobus.link.link import NOT_FAST, Link, Waits
 
 if TYPE_CHECKING:
     from servobus.bus.cycle import BusCycle
 
 T = TypeVar("T")
 
-POLITE = 0.1
+LOCK_TIMEOUT = 0.1
 """s that one who must make the servos safe waits for the line before he interrupts who has it."""
-FIRM = 0.4
+TAKEOVER_TIMEOUT = 0.4
 """s after which he does without the other's leave."""
 
 
 class Move:
     """A move under way."""
 
-    def __init__(self, bus: "Bus", courses: list[Course]) -> None:
+    def __init__(self, bus: "Bus", moves: list[PlannedMove]) -> None:
         self._bus = bus
-        self.courses = courses
+        self.moves = moves
 
     @property
     def duration(self) -> float:
         """Seconds from start to arrival."""
-        return max(course.duration for course in self.courses)
+        return max(course.duration for course in self.moves)
 
     def wait(self, timeout: float | None = None) -> None:
         """Wait until the servos stand still near their goals.
 
         It feeds the watch. Raises MoveTimeout, and Stopped at once if a servo was made safe, stopped or switched off.
         """
-        self._bus.arrive(self.courses, timeout)
+        self._bus.wait_arrival(self.moves, timeout)
 
 
 class BusServo(Blocking, Servo):
     """A servo on a blocking bus."""
 
-    def __init__(self, bus: "Bus", target: Target, baud: int, firmware: str) -> None:
+    def __init__(self, bus: "Bus", target: ServoRef, baud: int, firmware: str) -> None:
         super().__init__(target, baud, firmware)
         self._bus = bus
 
@@ -115,8 +115,8 @@ class Bus(Blocking, Driver[BusServo]):
         self._end(safe=False)
         self.transport.close()
 
-    def reopen(self) -> Reunion:
-        """Open the port again after it was lost, and see who is there; see `Reunion`.
+    def reopen(self) -> ReconnectReport:
+        """Open the port again after it was lost, and see who is there; see `ReconnectReport`.
 
         A USB adapter is found by its serial number, whatever the port is called now. Servos that lost their RAM, so
         their supply too, are not moved until `torque_on` or `rearm`. Raises PortError if the port is not there.
@@ -136,19 +136,19 @@ class Bus(Blocking, Driver[BusServo]):
                 self._wait(link, link.set_baud(baud))
             if type(job) is not Exchange:
                 return self._wait(link, link.run(job))
-            if not (window := link.begin(job)):
-                return self._wait(link, link.carry(job))
+            if not (window := link.try_fast_send(job)):
+                return self._wait(link, link.transact(job))
             try:
                 heard = self.transport.read(window)
             except BaseException:
-                link.give_up(job)
+                link.abandon(job)
                 raise
-            if link.retired:
+            if link.superseded:
                 link.check()
-            result = link.quick(job, heard)
-            if result is MISSED:
-                return self._wait(link, link.carry(job, heard))
-            return result  # type: ignore[return-value] # it is a T, as it is not MISSED
+            result = link.try_fast_receive(job, heard)
+            if result is NOT_FAST:
+                return self._wait(link, link.transact(job, heard))
+            return result  # type: ignore[return-value] # it is a T, as it is not NOT_FAST
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> Move:
         """Move several servos, id -> angle in rad, that start together and arrive together.
@@ -191,20 +191,20 @@ class Bus(Blocking, Driver[BusServo]):
         finally:
             self.torque_off(servos)
 
-    def _bind(self, target: Target, baud: int, firmware: str) -> BusServo:
+    def _bind(self, target: ServoRef, baud: int, firmware: str) -> BusServo:
         return BusServo(self, target, baud, firmware)
 
     # Carrying out
 
     def _wait(self, link: Link, waits: Waits[T]) -> T:
-        return carry_out(link, waits, self._lock)
+        return run_blocking(link, waits, self._lock)
 
     @contextmanager
-    def _seized(self, *, interrupt: bool) -> Iterator[Link]:
-        link, held = self.link, self._lock.acquire(timeout=0 if interrupt else POLITE)
+    def _take_over(self, *, interrupt: bool) -> Iterator[Link]:
+        link, held = self.link, self._lock.acquire(timeout=0 if interrupt else LOCK_TIMEOUT)
         if interrupt or not held:
-            link = link.retire()
-        held = held or self._lock.acquire(timeout=FIRM)
+            link = link.supersede()
+        held = held or self._lock.acquire(timeout=TAKEOVER_TIMEOUT)
         try:
             yield link
         finally:

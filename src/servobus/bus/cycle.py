@@ -17,16 +17,16 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
-from servobus.bus.rate import Pace
+from servobus.bus.rate import Rate
 from servobus.bus.servo import Servo
-from servobus.core.exchange import Exchange, Job, Procedure, SetBaud, Volley, ask
-from servobus.core.operation import Awaiting, Blocking, Operation
+from servobus.core.exchange import Batch, Exchange, Job, Procedure, SetBaud, ask
+from servobus.core.operation import Awaiting, Blocking, bus_method
 from servobus.core.registers import Register
 from servobus.core.units import show
 from servobus.core.values import frozen
 from servobus.errors import BadValue, BusError, NoReply, TorqueOff, UnknownName, UsageError
-from servobus.families.base import Family, Reading, Stance, Target
-from servobus.jobs.move import keep_going, raw_goal
+from servobus.families.base import Family, MotionStatus, Reading, ServoRef
+from servobus.jobs.move import keep_moving, raw_goal
 from servobus.link.link import BITS_PER_BYTE
 from servobus.transports.base import Transport
 
@@ -86,12 +86,12 @@ class _Part:
         rows = [_row(servo.target, name) for name in names]
         reading = servo.family.reading(servo.target, rows) if rows else Reading((), ())
         self.questions = reading.exchanges
-        self.single = [question.once() for question in self.questions]
+        self.single = [question.no_retry() for question in self.questions]
         self.values = [
             _Value(name, answer, part, row)
             for name, row, (answer, part, _) in zip(names, rows, reading.places, strict=True)
         ]
-        self.stance: Stance | None = None
+        self.motion_status: MotionStatus | None = None
         """What was read of it before its first goal."""
         self.position: float | None = None
         """Where it was in the last cycle, rad, if that was read."""
@@ -146,12 +146,12 @@ class Cycle:
         self._next_try = 0.0
         self._prepare()
 
-    def every(self, period: float) -> Pace:
-        """Give turns at a fixed rate, `period` in s: `for tick in cycle.every(0.01)`; see `Pace`."""
+    def every(self, period: float) -> Rate:
+        """Give turns at a fixed rate, `period` in s: `for tick in cycle.every(0.01)`; see `Rate`."""
         assert isinstance(self, Blocking | Awaiting)
-        return Pace(self, self.transport, period)
+        return Rate(self, self.transport, period)
 
-    @Operation
+    @bus_method
     def run(self, goals: Mapping[int, float] | None = None) -> Procedure[Result]:
         """Send goals, id -> angle in rad, and read all servos.
 
@@ -164,7 +164,7 @@ class Cycle:
             self._prepare()  # another id, speed or way to answer
         result = Result(self._chain)
         raw = (yield from self._checked(goals, result)) if goals else {}
-        keep_going(self._parts[id].target for id in raw)
+        keep_moving(self._parts[id].target for id in raw)
         for group in self._groups:
             yield SetBaud(group.baud)
             if sent := {part.target: raw[id] for id in raw if (part := self._parts[id]) in group.parts}:
@@ -216,7 +216,7 @@ class Cycle:
             raise UsageError(f"id {twice} is named twice, or two servos have it")
         for id, part in self._parts.items():
             if id in old:
-                part.stance = old[id].stance
+                part.motion_status = old[id].motion_status
         for id in set(self._silent) - self._parts.keys():
             del self._silent[id]
         groups: dict[tuple[str, int], _Group] = {}
@@ -248,29 +248,29 @@ class Cycle:
         for id in list(raw):
             part = self._parts[id]
             try:
-                if part.stance is None:
+                if part.motion_status is None:
                     yield SetBaud(part.servo.baud)
-                    part.stance = yield from part.servo.family.stance(part.target)
-                yield from self._check(part, part.stance, raw[id])
+                    part.motion_status = yield from part.servo.family.motion_status(part.target)
+                yield from self._check(part, part.motion_status, raw[id])
             except NoReply as error:
                 result.lost[id] = error
                 del raw[id]
         return raw
 
-    def _check(self, part: _Part, stance: Stance, raw: int) -> Procedure[None]:
+    def _check(self, part: _Part, motion_status: MotionStatus, raw: int) -> Procedure[None]:
         """Refuse a goal that this servo would not follow, or must not."""
         target, notes, row = part.target, part.servo.notes, part.target.model.register("goal_position")
         enable = target.model.register("torque_enable")
-        torque = target.model.family.torque_on(notes.ram[enable]) if enable in notes.ram else stance.torque
+        torque = target.model.family.torque_on(notes.ram[enable]) if enable in notes.ram else motion_status.torque
         if notes.restarted or not torque:
-            part.stance = None  # somebody may switch it on without our knowing
+            part.motion_status = None  # somebody may switch it on without our knowing
             raise TorqueOff(f"{target}: torque is off, so nothing would move; switch it on first")
-        if stance.turning:
-            part.stance = None
+        if motion_status.turning:
+            part.motion_status = None
             raise UsageError(f"{target} turns without end; position_mode() ends that")
-        if not stance.low <= raw <= stance.high:
-            part.stance = None  # they may be changed
-            low, high = row.show(row.decode(stance.low)), row.show(row.decode(stance.high))
+        if not motion_status.low <= raw <= motion_status.high:
+            part.motion_status = None  # they may be changed
+            low, high = row.show(row.decode(motion_status.low)), row.show(row.decode(motion_status.high))
             raise BadValue(f"{target}: {row.show(row.decode(raw))} is outside the limits set in it, {low} .. {high}")
         if notes.max_step is not None:
             here = part.position
@@ -281,7 +281,7 @@ class Cycle:
                 here = present.decode(found)
             notes.check_step(str(target), abs(row.decode(raw) - here))
 
-    def _send(self, group: _Group, goals: Mapping[Target, int], result: Result) -> Procedure[None]:
+    def _send(self, group: _Group, goals: Mapping[ServoRef, int], result: Result) -> Procedure[None]:
         try:
             yield from group.family.goals(goals, self.time)
         except BusError as error:  # the line was not quiet, or its echo broken
@@ -293,7 +293,7 @@ class Cycle:
         asked = _questions([part for part in group.parts if part.target.id not in self._silent])
         # Where speeds change servos may have taken what others were told for the start of a packet.
         again = len({group.baud for group in self._groups}) > 1
-        heard = (yield Volley([question for *_, question in asked], again=again)) if asked else []
+        heard = (yield Batch([question for *_, question in asked], again=again)) if asked else []
         answers: dict[_Part, list[Any]] = {}
         for (part, _, _), answer in zip(asked, heard, strict=True):
             answers.setdefault(part, []).append(answer)
@@ -368,7 +368,7 @@ def _questions(parts: Sequence[_Part]) -> list[tuple[_Part, int, Exchange[bytes]
     return [(part, n, part.questions[n]) for n in range(most) for part in parts if n < len(part.questions)]
 
 
-def _row(target: Target, name: str) -> Register[Any]:
+def _row(target: ServoRef, name: str) -> Register[Any]:
     try:
         return target.model.register(name)
     except UnknownName as error:

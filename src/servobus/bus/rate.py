@@ -29,7 +29,7 @@ class Tick:
     """Turns left out just before this one, because it was too late for them."""
 
 
-class Pace:
+class Rate:
     """Turns at a fixed rate: iterate over it, with `for` on a `Bus`, with `async for` on an `AsyncBus`.
 
     A turn that is late by more than half a period is left out, so two of them are never closer than that.

@@ -9,17 +9,17 @@ from enum import IntFlag
 from typing import Any, TypeVar
 
 from servobus.core.exchange import Exchange, Job, Procedure, ask
-from servobus.core.operation import Operation
+from servobus.core.operation import bus_method
 from servobus.core.registers import Register
 from servobus.core.units import Flags
 from servobus.core.values import replace
 from servobus.errors import Restarted, UsageError
-from servobus.families.base import Answers, Family, Model, Target
-from servobus.families.record import Notes, SafeAction, check_max_step
+from servobus.families.base import Answers, Family, Model, ServoRef
+from servobus.families.record import SafeAction, ServoRecord, check_max_step
 from servobus.jobs import reconfigure
 from servobus.jobs.backup import Backup, backup, restore
-from servobus.jobs.look import State, identify_at, look, verify
-from servobus.jobs.move import Course, launch, plan, require_torque
+from servobus.jobs.look import Snapshot, identify_at, look, verify
+from servobus.jobs.move import PlannedMove, plan, require_torque, start_move
 from servobus.safety.safe_stop import check_safe_action
 
 T = TypeVar("T")
@@ -33,15 +33,15 @@ class Servo:
     `notes` is what we wrote to it, and the limits of what may be written.
     """
 
-    def __init__(self, target: Target, baud: int, firmware: str = "") -> None:
-        self.notes = target.notes or Notes()
+    def __init__(self, target: ServoRef, baud: int, firmware: str = "") -> None:
+        self.notes = target.notes or ServoRecord()
         self.target = replace(target, notes=self.notes)
         self.baud = baud
         self.firmware = firmware
-        self.state: State | None = None
+        self.state: Snapshot | None = None
         self.alarms: int = 0
         self.latched: int = 0
-        self._asked: Target | None = None
+        self._asked: ServoRef | None = None
         self._questions: dict[Register[Any], Exchange[Any]] = {}
         """Questions for single registers, made when first asked, for `_asked`."""
 
@@ -94,18 +94,18 @@ class Servo:
 
     # Who and what
 
-    @Operation
+    @bus_method
     def ping(self) -> Job[None]:
         """Ask whether the servo is there. Raises NoReply."""
         return self.family.ping(self.id)
 
-    @Operation
-    def look(self) -> Procedure[State]:
+    @bus_method
+    def look(self) -> Procedure[Snapshot]:
         """Read position, voltage, temperature and torque; the result is kept in `state`."""
         self.state = yield from look(self.target)
         return self.state
 
-    @Operation
+    @bus_method
     def read_alarms(self) -> Procedure[int]:
         """Ask which alarms stand now; they are kept in `alarms` and `latched` too.
 
@@ -124,7 +124,7 @@ class Servo:
         """Forget the alarms that are over. Asks nothing, and clears nothing in the servo; `rearm` does."""
         self.latched = self.alarms
 
-    @Operation
+    @bus_method
     def verify(self) -> Procedure[None]:
         """Make sure that the servo still has in RAM what was written there, the torque included.
 
@@ -140,7 +140,7 @@ class Servo:
 
     # Registers
 
-    @Operation
+    @bus_method
     def read(self, register: Register[T]) -> Job[T]:
         """Read one register, in its unit: `servo.read(RX28.present_position)` gives radians."""
         if self._asked is not self.target:
@@ -150,18 +150,18 @@ class Servo:
             question = self._questions[register] = self._question(self._own(register))
         return question
 
-    @Operation
+    @bus_method
     def read_many(self, registers: Sequence[Register[Any]]) -> Procedure[dict[str, Any]]:
         """Read several registers in as few exchanges as possible; gives name -> value."""
         values = yield from ask(self.family.read(self.target, [self._own(register) for register in registers]))
         return {register.name: register.decode(raw) for register, raw in zip(registers, values, strict=True)}
 
-    @Operation
+    @bus_method
     def read_raw(self, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
         """Read several registers as raw integers."""
         return self.family.read(self.target, [self._own(register) for register in registers])
 
-    @Operation
+    @bus_method
     def write(self, register: Register[T], value: T) -> Procedure[None]:
         """Write one register so that it acts at once. Raises BadValue before anything is sent.
 
@@ -170,17 +170,17 @@ class Servo:
         """
         return self._write({self._own(register): register.encode(value)})
 
-    @Operation
+    @bus_method
     def write_many(self, values: Mapping[Register[Any], Any]) -> Procedure[None]:
         """Write several registers in as few exchanges as possible. Raises BadValue before anything is sent."""
         return self._write({self._own(register): register.encode(value) for register, value in values.items()})
 
-    @Operation
+    @bus_method
     def write_raw(self, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Write raw integers. Raises BadValue before anything is sent."""
         return self._write({self._own(register): register.check(raw) for register, raw in values.items()})
 
-    @Operation
+    @bus_method
     def store(self, values: Mapping[Register[Any], Any]) -> Procedure[None]:
         """Write registers so that they survive power-off. Raises BadValue before anything is sent."""
         raw = {self._own(register): register.encode(value) for register, value in values.items()}
@@ -188,52 +188,54 @@ class Servo:
 
     # Motion
 
-    @Operation
-    def start_move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> Procedure[Course]:
+    @bus_method
+    def start_move(
+        self, angle: float, *, time: float | None = None, speed: float | None = None
+    ) -> Procedure[PlannedMove]:
         """Start a move and give what is needed to wait for its end; see `move`."""
         course = yield from plan({self.target: angle}, time=time, speed=speed)
         require_torque([course])
-        yield from launch(course)
+        yield from start_move(course)
         return course
 
-    @Operation
+    @bus_method
     def torque_on(self) -> Procedure[None]:
         """Switch the torque on; the goal becomes the present position first, so that nothing jumps."""
-        self.notes.go()
+        self.notes.mark_moving()
         yield from self.family.torque(self.target, on=True)
 
-    @Operation
+    @bus_method
     def torque_off(self) -> Procedure[None]:
         """Switch the torque off: the shaft turns freely."""
         yield from self.family.torque(self.target, on=False)
-        self.notes.rest()
+        self.notes.mark_idle()
 
-    @Operation
+    @bus_method
     def rearm(self) -> Procedure[None]:
         """Switch the torque on again after the servo itself has switched it off, by the rule of its family.
 
         Nothing jumps: the goal becomes the present position first. Raises Refused, with the alarms as `flags`, if the
         cause is still there; then the torque stays off.
         """
-        self.notes.go()
+        self.notes.mark_moving()
         yield from self.family.rearm(self.target)
         self.note_alarms((yield from self.family.read_alarms(self.target)))
         self.latched = self.alarms
         self.notes.restarted = False
 
-    @Operation
+    @bus_method
     def stop(self) -> Procedure[None]:
         """End the motion and hold the present position."""
         yield from self.family.stop(replace(self.target, notes=None))  # no limit of one step stands against it
-        self.notes.held = True
+        self.notes.stopped = True
 
-    @Operation
+    @bus_method
     def turn(self, *, speed: float | None = None, output: float | None = None) -> Procedure[None]:
         """Turn without end. `speed` in rad/s (HerkuleX) or `output` as a share -1 .. 1 (RX-28, LX-16A)."""
         self._go()
         yield from self.family.turn(self.target, speed=speed, output=output)
 
-    @Operation
+    @bus_method
     def position_mode(self, limits: tuple[float, float] | None = None) -> Procedure[None]:
         """Come back from `turn` and hold the present position.
 
@@ -247,21 +249,21 @@ class Servo:
         self._go()
         yield from self.family.position_mode(self.target, raw)
 
-    @Operation
+    @bus_method
     def led(self, colour: str) -> Procedure[None]:
         """Set the light: "on", "off", or a colour where the model has one."""
         return self.family.led(self.target, colour)
 
     # Identity and life
 
-    @Operation
+    @bus_method
     def reboot(self) -> Procedure[None]:
         """Restart the servo: RAM registers get their start values, torque goes off."""
         yield from self.family.reboot(self.target)
-        self.notes.rest()
+        self.notes.mark_idle()
         yield from self._meet_again(self.id)
 
-    @Operation
+    @bus_method
     def reset(self, *, keep: frozenset[str] = frozenset()) -> Procedure[None]:
         """Restore factory settings, less what is kept ("id", "baud", "calibration").
 
@@ -270,10 +272,10 @@ class Servo:
         end = yield from reconfigure.reset(self.target, self.baud, keep)
         self._follow(end.id, end.baud)
         self.notes.forget()
-        self.notes.rest()
+        self.notes.mark_idle()
         yield from self._meet_again(self.id)
 
-    @Operation
+    @bus_method
     def change_id(self, id: int) -> Procedure[None]:
         """Give the servo another id. Raises UsageError if some servo answers to it already.
 
@@ -283,19 +285,19 @@ class Servo:
         yield from reconfigure.change_id(self.target, self.baud, id)
         self._follow(id, self.baud)
 
-    @Operation
+    @bus_method
     def change_baud(self, baud: int) -> Procedure[None]:
         """Set the servo to another speed and check that it answers there; see `change_id` for a line that fails."""
         yield from reconfigure.change_baud(self.target, self.baud, baud)
         self._follow(self.id, baud)
         yield from self._meet_again(self.id)
 
-    @Operation
+    @bus_method
     def backup(self) -> Procedure[Backup]:
         """Read all settings that survive power-off."""
         return backup(self.target, self.firmware, self.baud)
 
-    @Operation
+    @bus_method
     def restore(self, saved: Backup) -> Procedure[list[str]]:
         """Write the settings of a backup that differ; gives their names. Id and speed stay as they are.
 
@@ -345,7 +347,7 @@ class Servo:
         reading = self.family.reading(self.target, [register])
         (exchange,), ((_, part, layout),) = reading.exchanges, reading.places
         answer, unpack, decode = exchange.interpret, layout.unpacker(), register.scale.decode
-        return exchange.giving(lambda packet: decode(unpack(answer(packet)[part])))
+        return exchange.mapped(lambda packet: decode(unpack(answer(packet)[part])))
 
     def _own(self, register: Register[T] | str) -> Register[T]:
         if isinstance(register, str):
@@ -377,10 +379,10 @@ class Servo:
             if register.name == level:
                 self.target = replace(self.target, answers=Answers(value))
         if torque in raw and not self.family.torque_on(raw[torque]):
-            self.notes.rest()
+            self.notes.mark_idle()
 
     def _go(self, *, waking: bool = False) -> None:
         """Take note that it is set in motion. Raises Stopped if it must not be, Restarted if that would wake it up."""
         if self.restarted and not waking:
             raise Restarted(f"{self.target} has restarted, and is not moved before torque_on() or rearm()")
-        self.notes.go()
+        self.notes.mark_moving()

@@ -16,7 +16,7 @@ from servobus.cli.output import console, note
 from servobus.core.units import show
 from servobus.errors import BadValue
 from servobus.virtual.serve.ports import PtyPort
-from servobus.virtual.serve.rig import open_drawer
+from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import Setup, parse_specs
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def _served(spec: str) -> Iterator[str]:
         yield f"virtual:{spec}"
         return
     stop = threading.Event()
-    with PtyPort(open_drawer(Setup(parse_specs(spec)))) as port:
+    with PtyPort(build_rig(Setup(parse_specs(spec)))) as port:
         thread = threading.Thread(target=port.serve, args=(stop,), daemon=True)
         thread.start()
         try:

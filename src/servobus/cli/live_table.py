@@ -1,4 +1,4 @@
-"""`servobus virtual --show`: every servo of the drawer in a table that lives.
+"""`servobus virtual --show`: every servo of the rig in a table that lives.
 
 A thread draws; the looks at the servos are taken between two events of the bus, few at a time, so that no answer
 waits for them. The table goes to standard error: standard output is for programs that wait for `ready`.
@@ -11,8 +11,8 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from servobus.virtual.device.snapshot import Glance, glance
-from servobus.virtual.serve.rig import Drawer
+from servobus.virtual.device.snapshot import VirtualSnapshot, glance
+from servobus.virtual.serve.rig import Rig
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -37,10 +37,10 @@ _COLOURS = {
 
 
 class Show:
-    """Draws a drawer that is being served until `stop`; what `say` is told stands below."""
+    """Draws a rig that is being served until `stop`; what `say` is told stands below."""
 
-    def __init__(self, drawer: Drawer, stop: threading.Event, console: "Console | None" = None) -> None:
-        self.drawer = drawer
+    def __init__(self, rig: Rig, stop: threading.Event, console: "Console | None" = None) -> None:
+        self.rig = rig
         self._stop = stop
         self._console = console
         self._name = self._said = ""
@@ -61,9 +61,9 @@ class Show:
         if self._thread.is_alive():
             self._thread.join()
 
-    def look(self, timeout: float = 5.0) -> list[Glance]:
+    def look(self, timeout: float = 5.0) -> list[VirtualSnapshot]:
         """Look at all servos; empty if nobody serves them for so long, or `stop` is set."""
-        servos, seen, done = self.drawer.servos, list[Glance](), threading.Event()
+        servos, seen, done = self.rig.servos, list[VirtualSnapshot](), threading.Event()
 
         def some(now: float) -> None:
             started = time.monotonic()
@@ -72,11 +72,11 @@ class Show:
                 servo.advance(now)
                 seen.append(glance(servo))
             if len(seen) < len(servos):
-                self.drawer.post(some)
+                self.rig.post(some)
             else:
                 done.set()
 
-        self.drawer.post(some)
+        self.rig.post(some)
         deadline = time.monotonic() + timeout
         while not done.wait(0.05):
             if self._stop.is_set() or time.monotonic() > deadline:
@@ -100,7 +100,7 @@ class Show:
                 self._stop.wait(max(due - now, (now - started) * (1 / SHARE - 1)))
 
 
-def picture(servos: Sequence[Glance], name: str = "", said: str = "", rows: int = 1000) -> "RenderableType":
+def picture(servos: Sequence[VirtualSnapshot], name: str = "", said: str = "", rows: int = 1000) -> "RenderableType":
     """Draw servos, at most so many, for a terminal of 80 columns or more."""
     from rich.console import Group  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415

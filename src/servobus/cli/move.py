@@ -108,17 +108,17 @@ def _goals(texts: Sequence[str]) -> dict[int, float]:
 
 def _start(bus: Bus, angles: Mapping[int, float], time: float | None, speed: float | None, *, quiet: bool) -> Move:
     """Check everything, then switch the torque on where it is off, then start."""
-    courses = bus.plan_move(angles, time=time, speed=speed)
-    loose = [bus[target.id] for course in courses for target in course.loose]
+    moves = bus.plan_move(angles, time=time, speed=speed)
+    without_torque = [bus[target.id] for course in moves for target in course.without_torque]
     try:
-        bus.torque_on(loose)
-        bus.launch(courses)
+        bus.torque_on(without_torque)
+        bus.start_planned(moves)
     except ServobusError:
-        bus.torque_off(loose)  # leave them as they were
+        bus.torque_off(without_torque)  # leave them as they were
         raise
-    if loose and not quiet:
-        note(f"torque switched on: {', '.join(f'id {servo.id}' for servo in loose)}")
-    return Move(bus, courses)
+    if without_torque and not quiet:
+        note(f"torque switched on: {', '.join(f'id {servo.id}' for servo in without_torque)}")
+    return Move(bus, moves)
 
 
 def halt(servos: Sequence[BusServo]) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import click
 
 from servobus.cli.output import compact
-from servobus.traffic.events import Sight, Tally
+from servobus.traffic.events import ServoTraffic, TrafficEvent
 from servobus.traffic.recording import Direction
 from servobus.traffic.tracker import Tracker
 
@@ -19,7 +19,7 @@ HEX_WIDTH = 3 * ROW
 HEADS = ("servo", "requests", "answers", "median", "longest", "missing", "corrupt", "other", "errors")
 
 
-def show(sight: Sight) -> str:
+def show(sight: TrafficEvent) -> str:
     """Write one thing that was seen, for people."""
     head, indent = f"{sight.time:11.6f} {sight.direction} ", " " * MARGIN
     wait = "" if sight.latency is None else f"+{milliseconds(sight.latency)}"
@@ -34,7 +34,7 @@ def show(sight: Sight) -> str:
     return "\n".join([*lines, click.style(text, fg="red") if sight.trouble else text])
 
 
-def entry(sight: Sight) -> dict[str, Any]:
+def entry(sight: TrafficEvent) -> dict[str, Any]:
     """Give one thing that was seen for JSON; times in s."""
     return {
         "kind": sight.kind,
@@ -49,7 +49,7 @@ def entry(sight: Sight) -> dict[str, Any]:
     }
 
 
-def report(sights: Iterable[Sight], *, json: bool) -> None:
+def report(sights: Iterable[TrafficEvent], *, json: bool) -> None:
     """Print what was seen."""
     lines = [compact(entry(sight)) if json else show(sight) for sight in sights]
     if lines:
@@ -59,7 +59,7 @@ def report(sights: Iterable[Sight], *, json: bool) -> None:
 def conclude(tracker: Tracker, *, json: bool) -> None:
     """Print what it comes to, servo by servo."""
     if json:
-        servos = [_servo(tally) for tally in tracker.tallies]
+        servos = [_servo(tally) for tally in tracker.servos]
         totals = {
             "kind": "summary",
             "time": round(tracker.time, 6),
@@ -69,7 +69,7 @@ def conclude(tracker: Tracker, *, json: bool) -> None:
         }
         click.echo(compact({**totals, "servos": servos}))
         return
-    rows = [HEADS, *(_row(tally) for tally in tracker.tallies)]
+    rows = [HEADS, *(_row(tally) for tally in tracker.servos)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(HEADS))]
     click.echo()
     for row in rows if len(rows) > 1 else []:
@@ -82,7 +82,7 @@ def conclude(tracker: Tracker, *, json: bool) -> None:
     )
 
 
-def _row(tally: Tally) -> tuple[str, ...]:
+def _row(tally: ServoTraffic) -> tuple[str, ...]:
     rate = tally.error_rate
     return (
         f"{tally.family.name} {'all' if tally.everybody else tally.id}",
@@ -97,7 +97,7 @@ def _row(tally: Tally) -> tuple[str, ...]:
     )
 
 
-def _servo(tally: Tally) -> dict[str, Any]:
+def _servo(tally: ServoTraffic) -> dict[str, Any]:
     rate = tally.error_rate
     return {
         "family": tally.family.name,

@@ -10,7 +10,7 @@ from servobus import Bus
 from servobus.cli.options import Where, as_json, id_list, on_port, opened, verb
 from servobus.cli.output import console, note, print_json
 from servobus.core.ids import LAST_ID
-from servobus.jobs.scan import Found, Progress, Survey, Trouble
+from servobus.jobs.scan import FoundServo, ScanProblem, ScanProgress, ScanResult
 from servobus.jobs.scan import scan as scan_procedure
 
 if TYPE_CHECKING:
@@ -39,19 +39,19 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     wanted = id_list(ids)
     rounds = where.rounds()
     if isinstance(where.baud, int) and not any(where.baud in family.bauds for family, _ in rounds):
-        usual = ", ".join(family.name for family, _ in rounds)
-        note(f"{where.baud} baud is no usual speed of {usual} servos; asking all the same")
+        typical_delay = ", ".join(family.name for family, _ in rounds)
+        note(f"{where.baud} baud is no usual speed of {typical_delay} servos; asking all the same")
     with opened(port) as bus, ExitStack() as stack:
         total = len(wanted) * sum(len(bauds) for _, bauds in rounds)
         bar = Bar(stack, total)
 
-        def watch(progress: Progress) -> None:
+        def watch(progress: ScanProgress) -> None:
             if progress.found is not None and not json:
                 with bar.hidden():
                     click.echo(_line(bus, progress.found))
             bar.advance()
 
-        survey = Survey()
+        survey = ScanResult()
         try:
             for family, bauds in rounds:
                 bus.do(scan_procedure([family], bauds, wanted, watch, survey))
@@ -66,7 +66,7 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
         note(f"no servo answers (asked ids {ids}: {where}); {hint}")
 
 
-def _tell(troubles: list[Trouble], found: list[Found]) -> None:
+def _tell(troubles: list[ScanProblem], found: list[FoundServo]) -> None:
     """Tell of answers that made no sense; of many, once: they have one cause more often than many."""
     for trouble in troubles[:SHOWN]:
         note(f"servobus: {trouble}")
@@ -76,7 +76,7 @@ def _tell(troubles: list[Trouble], found: list[Found]) -> None:
         note(f"servobus: and {more} more unclear answers;{cause} `--family` asks one family alone")
 
 
-def _entry(found: Found) -> dict[str, object]:
+def _entry(found: FoundServo) -> dict[str, object]:
     return {
         "family": found.family.name,
         "model": found.model.key() if found.model else None,
@@ -86,7 +86,7 @@ def _entry(found: Found) -> dict[str, object]:
     }
 
 
-def _line(bus: Bus, found: Found) -> str:
+def _line(bus: Bus, found: FoundServo) -> str:
     if found.model is None:
         number = found.identity.number
         return f"id {found.id} at {found.baud}: {found.family.title} model {number}, not known here"

@@ -20,7 +20,7 @@ from servobus.cli.packets import conclude, report
 from servobus.connect import FIRST_BAUD, transport
 from servobus.errors import BadValue, ServobusError, UsageError
 from servobus.traffic import recording
-from servobus.traffic.events import Sight
+from servobus.traffic.events import TrafficEvent
 from servobus.traffic.recording import Chunk, Direction, End, Entry, Header, Speed
 from servobus.traffic.tracker import BITS, Tracker
 from servobus.transports.base import Transport
@@ -135,7 +135,7 @@ def _ready(port: str, speed: int, terminal: "Application | None", *, json: bool)
 def _follow(carrier: "Carrier", tracker: Tracker, *, json: bool) -> Exception | None:
     """Show what is carried until it ends; give what made it end, unless that was planned."""
     while True:
-        sights: list[Sight] = []
+        sights: list[TrafficEvent] = []
         for _ in range(AT_ONCE):
             news = carrier.news.get()
             if news is None or isinstance(news, Exception):

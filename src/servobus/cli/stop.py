@@ -19,8 +19,8 @@ from servobus.cli.options import (
 from servobus.cli.output import note, warn_alarms
 from servobus.core.ids import BROADCAST, LAST_ID
 from servobus.errors import NoReply
-from servobus.families.base import Answers, Target
-from servobus.jobs.scan import Progress, scan
+from servobus.families.base import Answers, ServoRef
+from servobus.jobs.scan import ScanProgress, scan
 
 Ids = tuple[int | Literal["all"], ...]
 
@@ -103,7 +103,7 @@ def _everyone(bus: Bus, where: Where, at_once: Callable[[BusServo], None]) -> li
     """Find every servo, and do something with each as soon as it is found. Raises NoReply if there is none."""
     servos: list[BusServo] = []
 
-    def watch(progress: Progress) -> None:
+    def watch(progress: ScanProgress) -> None:
         found = progress.found
         if found is None or found.model is None:
             return
@@ -122,7 +122,7 @@ def _everyone(bus: Bus, where: Where, at_once: Callable[[BusServo], None]) -> li
 def _release_all(bus: Bus, where: Where) -> None:
     for family, bauds in where.rounds():
         model = next(model for model in MODELS.values() if model.family.name == family.name)
-        everyone = Target(BROADCAST, model, Answers.READS)
+        everyone = ServoRef(BROADCAST, model, Answers.READS)
         for baud in bauds:
             bus.do(family.torque(everyone, on=False), baud=baud)
     click.echo(f"torque off: told every servo ({where})")

@@ -79,18 +79,18 @@ def _check_kind(servo: BusServo, speed: float | None) -> None:
 
 
 def _turn(bus: Bus, servo: BusServo, output: float | None, speed: float | None) -> None:
-    stance = bus.do(servo.family.stance(servo.target), baud=servo.baud)
+    motion_status = bus.do(servo.family.motion_status(servo.target), baud=servo.baud)
     try:
-        if not stance.torque:
+        if not motion_status.torque:
             # A HerkuleX takes a speed only while it is driven, so the torque comes first, and holds where it is.
             servo.torque_on()
         try:
             servo.turn(speed=speed, output=output)
         except ServobusError:
-            if not stance.torque:
+            if not motion_status.torque:
                 servo.torque_off()  # leave it as it was
             raise
-        if not stance.torque:
+        if not motion_status.torque:
             note(f"torque switched on: id {servo.id}")
     except KeyboardInterrupt:
         try:
@@ -101,9 +101,9 @@ def _turn(bus: Bus, servo: BusServo, output: float | None, speed: float | None) 
     pace = show(speed, "rad/s") if speed is not None else show(output or 0.0, "1") + " of full output"
     port = shlex.quote(bus.transport.name)
     click.echo(f"{servo.target} turns at {pace}; `servobus stop {port} {servo.id}` stops it")
-    if not stance.turning:
+    if not motion_status.turning:
         row = servo.model.register("goal_position")
-        low, high = (show(row.decode(raw), "rad").removesuffix("°") for raw in (stance.low, stance.high))
+        low, high = (show(row.decode(raw), "rad").removesuffix("°") for raw in (motion_status.low, motion_status.high))
         note(f"back to angles: servobus turn {port} {servo.id} --end --limits {low} {high}")
 
 

@@ -14,7 +14,7 @@ from servobus.cli.virtual_console import VirtualConsole, listen
 from servobus.errors import BadValue
 from servobus.virtual.physics.motor import NOTHING, Load
 from servobus.virtual.serve.ports import serve_pty, serve_tcp
-from servobus.virtual.serve.rig import open_drawer
+from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import Servos, Setup, parse_load, parse_specs
 from servobus.virtual.wire.faults import KINDS, NO_FAULTS, SETTINGS, Faults, explain
 
@@ -127,28 +127,28 @@ def virtual(
     )
     address = _address(tcp) if tcp else None
     stop = stop_on_signals()
-    drawer = open_drawer(setup)
+    rig = build_rig(setup)
     _note_twins(servos)
-    shown = Show(drawer, stop) if show else None
+    shown = Show(rig, stop) if show else None
 
     def ready(name: str) -> None:
         _ready(name)
         if shown:
             shown.start(name)
-        listen(VirtualConsole(drawer, shown.say if shown else note), stop)
+        listen(VirtualConsole(rig, shown.say if shown else note), stop)
 
     try:
         if address:
-            serve_tcp(drawer, *address, stop, ready)
+            serve_tcp(rig, *address, stop, ready)
         else:
-            serve_pty(drawer, Path(pty) if pty else None, stop, ready)
+            serve_pty(rig, Path(pty) if pty else None, stop, ready)
     finally:
         stop.set()
         if shown:
             shown.join()
     if sys.stderr.isatty():
         note("")  # the terminal shows ^C
-    if counts := drawer.fault_counts:
+    if counts := rig.fault_counts:
         note("faults: " + ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items())))
 
 

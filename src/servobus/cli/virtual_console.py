@@ -17,7 +17,7 @@ from servobus.core.units import parse, show
 from servobus.errors import BadValue, ServobusError, UsageError
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.physics.motor import NOTHING, Load
-from servobus.virtual.serve.rig import Drawer
+from servobus.virtual.serve.rig import Rig
 from servobus.virtual.serve.spec import check_temperature, check_voltage, parse_ids, parse_load, parse_specs
 
 HELP: Final = """\
@@ -36,17 +36,17 @@ PATIENCE = 0.2
 
 
 class VirtualConsole:
-    """Takes lines and acts on a drawer that somebody serves; tells what it did, or what was wrong, by `say`."""
+    """Takes lines and acts on a rig that somebody serves; tells what it did, or what was wrong, by `say`."""
 
-    def __init__(self, drawer: Drawer, say: Callable[[str], None] = note) -> None:
-        self.drawer = drawer
+    def __init__(self, rig: Rig, say: Callable[[str], None] = note) -> None:
+        self.rig = rig
         self.say = say
 
     def take(self, line: str) -> None:
         """Have the words of a line done as soon as the line is free."""
         words = line.split()
         if words:
-            self.drawer.post(lambda now: self._do(words, now))
+            self.rig.post(lambda now: self._do(words, now))
 
     def _do(self, words: list[str], now: float) -> None:
         try:
@@ -91,13 +91,13 @@ class VirtualConsole:
     def _find(self, who: str, now: float) -> list[VirtualServo]:
         """Find the servos that are meant, and bring them up to now. Raises UsageError."""
         if who == "all":
-            found = self.drawer.servos
+            found = self.rig.servos
         elif "@" in who:
             wanted = [(model, id) for model, ids in parse_specs(who) for id in ids]
-            found = [servo for servo in self.drawer.servos if (servo.model, servo.id) in wanted]
+            found = [servo for servo in self.rig.servos if (servo.model, servo.id) in wanted]
         else:
             ids = parse_ids(who)
-            found = [servo for servo in self.drawer.servos if servo.id in ids]
+            found = [servo for servo in self.rig.servos if servo.id in ids]
         if not found:
             raise UsageError(f"there is no servo {who}")
         for servo in found:

@@ -44,7 +44,7 @@ class Reply:
             and (data.startswith(self.starts) if len(data) == self.sizes[0] else len(data) in self.sizes)
         )
 
-    def mistakes(self, other: "Reply") -> bool:
+    def could_be(self, other: "Reply") -> bool:
         """Tell whether a full answer of the other kind, if it came late, could be taken for this one."""
         return (
             (self.id == other.id or self.id is None or other.id is None)
@@ -72,7 +72,16 @@ class Exchange(Generic[T]):
     """
 
     __slots__ = (
-        "alarms", "framing", "id", "interpret", "repeatable", "reply", "reply_size", "request", "turnaround", "usual",
+        "alarms",
+        "framing",
+        "id",
+        "interpret",
+        "max_delay",
+        "repeatable",
+        "reply",
+        "reply_size",
+        "request",
+        "typical_delay",
         "what",
     )  # fmt: skip
 
@@ -84,14 +93,14 @@ class Exchange(Generic[T]):
         interpret: Callable[[Packet], T],
         reply: Reply | None = None,
         alarms: Callable[[Packet], int] | None = None,
-        turnaround: float = 0.0,
+        max_delay: float = 0.0,
         *,
-        usual: float | None = None,
+        typical_delay: float | None = None,
         repeatable: bool = False,
     ) -> None:
-        self.usual = turnaround if usual is None else usual
+        self.typical_delay = max_delay if typical_delay is None else typical_delay
         self.what, self.framing, self.request, self.interpret = what, framing, request, interpret
-        self.reply, self.alarms, self.turnaround, self.repeatable = reply, alarms, turnaround, repeatable
+        self.reply, self.alarms, self.max_delay, self.repeatable = reply, alarms, max_delay, repeatable
         self.id = framing.unframe(request)[0].id
         """The servo that is asked."""
         self.reply_size = 0 if reply is None else framing.overhead + max(reply.sizes)
@@ -100,16 +109,16 @@ class Exchange(Generic[T]):
     def __repr__(self) -> str:
         return f"<{self.what}>"
 
-    def giving(self, interpret: Callable[[Packet], S]) -> "Exchange[S]":
+    def mapped(self, interpret: Callable[[Packet], S]) -> "Exchange[S]":
         """Make the same question with another way to read the answer."""
         return Exchange(
-            self.what, self.framing, self.request, interpret, self.reply, self.alarms, self.turnaround,
-            usual=self.usual, repeatable=self.repeatable,
+            self.what, self.framing, self.request, interpret, self.reply, self.alarms, self.max_delay,
+            typical_delay=self.typical_delay, repeatable=self.repeatable,
         )  # fmt: skip
 
-    def once(self) -> "Exchange[T]":
+    def no_retry(self) -> "Exchange[T]":
         """Make the same question, never to be asked again."""
-        single = self.giving(self.interpret)
+        single = self.mapped(self.interpret)
         single.repeatable = False
         return single
 
@@ -138,7 +147,7 @@ class Pause:
 
 
 @frozen
-class Volley:
+class Batch:
     """Step of a procedure: several questions of one family, each sent before the answer to the last is in.
 
     They keep so far apart that no two answers, or on one wire a question and an answer, can meet. The step
@@ -151,7 +160,7 @@ class Volley:
     again: bool = True
 
 
-Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Volley
+Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Batch
 Procedure: TypeAlias = Generator[Step, Any, T]
 Job: TypeAlias = Exchange[T] | Procedure[T]
 
@@ -164,7 +173,7 @@ def ask(job: Job[T]) -> Procedure[T]:
     return (yield from job)
 
 
-def sent(_: Packet) -> None:
+def ack_only(_: Packet) -> None:
     """Interpret a reply that only says that the request arrived."""
 
 

@@ -1,6 +1,6 @@
 """One method, two drivers: how operations are written once.
 
-`Operation` decorates a method that builds a job. What calling it gives depends on who it is called on:
+`bus_method` decorates a method that builds a job. What calling it gives depends on who it is called on:
 
     Blocking    the result: the job is carried out before the call returns
     Awaiting    an awaitable of the result
@@ -33,7 +33,7 @@ class Awaiting(ABC):
     async def do(self, job: Job[T]) -> T: ...
 
 
-class Operation(Generic[P, T]):
+class bus_method(Generic[P, T]):  # noqa: N801 - it reads as what it is, a decorator
     """Decorator for a method that builds a job; see the head of this module."""
 
     def __init__(self, build: Callable[Concatenate[Any, P], Job[T]]) -> None:
@@ -42,7 +42,7 @@ class Operation(Generic[P, T]):
         self.__doc__ = build.__doc__
 
     @overload
-    def __get__(self, owner: None, kind: type) -> "Operation[P, T]": ...
+    def __get__(self, owner: None, kind: type) -> "bus_method[P, T]": ...
     @overload
     def __get__(self, owner: Blocking, kind: type) -> Callable[P, T]: ...
     @overload

@@ -192,7 +192,7 @@ class Flags(Scale[FlagT]):
 
 
 @frozen
-class Divided(Scale[int]):
+class BaudDivisor(Scale[int]):
     """value = clock / (raw + 1), rounded: how Dynamixel protocol 1.0 codes its speeds."""
 
     clock: int
@@ -218,7 +218,7 @@ class Divided(Scale[int]):
 
 
 @frozen
-class Table(Scale[int]):
+class Lookup(Scale[int]):
     """value = codes[raw]: how HerkuleX codes its speeds."""
 
     codes: Mapping[int, int]

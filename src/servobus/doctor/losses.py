@@ -32,7 +32,7 @@ _QUANTILES = (("median", 0.5), ("p99", 0.99), ("longest", 1.0))
 
 
 @dataclass(slots=True)
-class Tally:
+class ServoTraffic:
     """Reads that were counted: how long each took in seconds, and why others were lost."""
 
     times: list[float] = field(default_factory=list)
@@ -61,7 +61,7 @@ def losses(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher) -> 
     yield _sum_up(tally)
 
 
-def _sum_up(tally: Tally) -> Finding:
+def _sum_up(tally: ServoTraffic) -> Finding:
     times = []
     if tally.times:
         took = ", ".join(f"{name} {1000 * tally.quantile(share):.2f} ms" for name, share in _QUANTILES)
@@ -78,9 +78,9 @@ def _sum_up(tally: Tally) -> Finding:
     return Finding(level, "reads", "; ".join(what + times), _CAUSES[tally.lost.most_common(1)[0][0]])
 
 
-def count(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher = lambda *_: None) -> Tally:
+def count(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher = lambda *_: None) -> ServoTraffic:
     """Read the position of each servo, so many times in all, and count what is lost. Nothing is asked twice."""
-    tally = Tally()
+    tally = ServoTraffic()
     share, rest = divmod(reads, len(servos))
     done = 0
     for number, servo in enumerate(servos):
@@ -88,7 +88,7 @@ def count(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher = lam
         lost = tally.by_servo.setdefault(servo, Counter())
         missed = 0
         with suppress(BusError):  # what follows a change of speed is no part of what is measured
-            bus.do(servo.family.ping(servo.id).once(), baud=servo.baud)
+            bus.do(servo.family.ping(servo.id).no_retry(), baud=servo.baud)
         for _ in range(share + (number < rest)):
             start = bus.transport.now()
             try:
@@ -117,4 +117,4 @@ def _once(job: Procedure[T]) -> Procedure[T]:
         except StopIteration as stop:
             done: T = stop.value
             return done
-        result = yield step.once() if isinstance(step, Exchange) else step
+        result = yield step.no_retry() if isinstance(step, Exchange) else step

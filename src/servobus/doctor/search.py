@@ -9,7 +9,7 @@ from servobus.core.ids import LAST_ID
 from servobus.doctor.findings import SHOWN, Finding, Level, Watcher, at, command, id_list, twins
 from servobus.errors import Garbled
 from servobus.families.base import Answers, Family
-from servobus.jobs.scan import Found, Progress, Trouble
+from servobus.jobs.scan import FoundServo, ScanProblem, ScanProgress
 
 Rounds = Sequence[tuple[Family, tuple[int, ...]]]
 """Families to ask, each with its speeds."""
@@ -36,8 +36,8 @@ class Seen:
     """What a search saw."""
 
     servos: list[BusServo] = field(default_factory=list)
-    found: list[Found] = field(default_factory=list)
-    troubles: list[Trouble] = field(default_factory=list)
+    found: list[FoundServo] = field(default_factory=list)
+    troubles: list[ScanProblem] = field(default_factory=list)
 
 
 def search(bus: Bus, plan: Plan, watch: Watcher) -> Generator[Finding, None, list[BusServo]]:
@@ -63,7 +63,7 @@ def _look(bus: Bus, rounds: Rounds, ids: Sequence[int], watch: Watcher, *, until
     total = len(ids) * sum(len(bauds) for _, bauds in rounds)
     done = 0
 
-    def tell(_: Progress) -> None:
+    def tell(_: ScanProgress) -> None:
         nonlocal done
         done += 1
         watch("scanning", done, total)
@@ -92,7 +92,7 @@ def _nobody(port: str, plan: Plan) -> Finding:
     return Finding(Level.FAIL, "servos", f"nobody answers (asked {asked})", cause, mend)
 
 
-def _who(port: str, found: list[Found]) -> Iterator[Finding]:
+def _who(port: str, found: list[FoundServo]) -> Iterator[Finding]:
     kinds: dict[str, list[int]] = {}
     for one in found:
         kinds.setdefault(one.model.title if one.model else f"unknown {one.family.title}", []).append(one.id)
@@ -108,15 +108,15 @@ def _who(port: str, found: list[Found]) -> Iterator[Finding]:
             yield Finding(Level.WARN, "servos", what, f"its {row} is {Answers.NOTHING.value}", (mend,))
 
 
-def _speeds(port: str, found: list[Found]) -> Finding:
-    groups: dict[Family, list[Found]] = {}
+def _speeds(port: str, found: list[FoundServo]) -> Finding:
+    groups: dict[Family, list[FoundServo]] = {}
     for one in found:
         groups.setdefault(one.family, []).append(one)
     said, odd = [], []
     for family, members in groups.items():
         counts = Counter(one.baud for one in members)
-        usual = counts.most_common(1)[0][0]
-        odd += [(one, usual) for one in members if one.baud != usual]
+        typical_delay = counts.most_common(1)[0][0]
+        odd += [(one, typical_delay) for one in members if one.baud != typical_delay]
         for baud in sorted(counts):
             unusual = "" if baud == family.default_baud else f" (from the factory {family.default_baud})"
             said.append(f"{family.name} at {baud}{unusual}")
@@ -127,8 +127,8 @@ def _speeds(port: str, found: list[Found]) -> Finding:
         return Finding(Level.OK, "speed", what, cause)
     cause = "servos of one wire have different speeds: each hears what is meant for the others as garbage"
     mend = tuple(
-        command("set-baud", port, one.id, usual, f"--family {one.family.name}", f"--baud {one.baud}")
-        for one, usual in odd[:SHOWN]
+        command("set-baud", port, one.id, typical_delay, f"--family {one.family.name}", f"--baud {one.baud}")
+        for one, typical_delay in odd[:SHOWN]
     )
     return Finding(Level.WARN, "speed", what, cause, mend)
 

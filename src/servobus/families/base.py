@@ -14,7 +14,7 @@ from servobus.core.framing import Framing, Packet
 from servobus.core.registers import Area, EepRam, Int, Register, RegisterMap
 from servobus.core.values import frozen
 from servobus.errors import BadValue, BusError, UsageError
-from servobus.families.record import Notes
+from servobus.families.record import ServoRecord
 
 T = TypeVar("T")
 
@@ -83,16 +83,16 @@ class Model(RegisterMap):
 
 
 @frozen
-class Target:
+class ServoRef:
     """The servo that an exchange is for; `notes` are what was noted of it, if anybody does."""
 
     id: int
     model: type[Model]
     answers: Answers
-    notes: Notes | None = None
+    notes: ServoRecord | None = None
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Target) and self._who() == other._who()
+        return isinstance(other, ServoRef) and self._who() == other._who()
 
     def __hash__(self) -> int:
         return hash(self._who())
@@ -114,7 +114,7 @@ class Identity:
 
 
 @frozen
-class Stance:
+class MotionStatus:
     """What must be known before a move: where the servo is and what holds it back."""
 
     position: float
@@ -128,10 +128,10 @@ class Stance:
 
 
 @frozen
-class Leg:
+class AxisMove:
     """One servo's part in a move."""
 
-    target: Target
+    target: ServoRef
     goal: int
     """Raw goal position."""
     distance: float
@@ -177,11 +177,11 @@ class Family(ABC):
     full_duplex: ClassVar[bool] = False
     max_move_time: ClassVar[float | None] = None
     """Longest time in seconds that one timed move can take; None if moves are given by speed."""
-    fickle: ClassVar[frozenset[str]] = frozenset()
+    volatile: ClassVar[frozenset[str]] = frozenset()
     """Registers in RAM that the servo changes by itself: they do not tell that it restarted."""
-    drives: ClassVar[frozenset[str]] = frozenset()
+    motion_registers: ClassVar[frozenset[str]] = frozenset()
     """Registers that can set a servo in motion, beside torque and goals."""
-    strength: ClassVar[str] = ""
+    output_limit: ClassVar[str] = ""
     """Register in RAM that bounds the output; "" if the family has none."""
     turns_at_speed: ClassVar[bool] = False
     """Whether it controls the speed of endless turn; else a share of full output is set."""
@@ -199,7 +199,7 @@ class Family(ABC):
         """Ask a servo who it is. Raises NoReply if nobody is there."""
 
     @abstractmethod
-    def markers(self, id: int) -> Sequence[Exchange[Any]]:
+    def fences(self, id: int) -> Sequence[Exchange[Any]]:
         """Give harmless questions, at least three, none of whose answers can be mistaken for another's.
 
         The first is one that every servo answers, whatever it is set to.
@@ -208,14 +208,14 @@ class Family(ABC):
     # Registers, raw
 
     @abstractmethod
-    def reading(self, target: Target, registers: Sequence[Register[Any]]) -> Reading:
+    def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         """Tell what to ask for these registers: as few exchanges as the family allows."""
 
-    def read(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+    def read(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
         """Read raw values."""
         return fetch(self.reading(target, registers))
 
-    def write(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
+    def write(self, target: ServoRef, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Write raw values where they act at once, in as few exchanges as the family allows.
 
         What lives in EEPROM is read first, and written only if it differs. Raises EepromWear if that was done too
@@ -223,7 +223,7 @@ class Family(ABC):
         """
         yield from self._set(target, values, keep=False)
 
-    def store(self, target: Target, values: Mapping[Register[Any], int]) -> Procedure[None]:
+    def store(self, target: ServoRef, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Write raw values where they survive power-off, if they differ from what is there; see `write`."""
         for register in values:
             if not self.wears(register, keep=True):
@@ -234,7 +234,7 @@ class Family(ABC):
 
     @abstractmethod
     def put(
-        self, target: Target, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
+        self, target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
     ) -> Procedure[None]:
         """Write raw values as they are: with `keep` for good, else for now.
 
@@ -249,7 +249,7 @@ class Family(ABC):
         """Tell whether what `read_stored` gives for this register is what survives power-off."""
         return True
 
-    def _set(self, target: Target, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
+    def _set(self, target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
         """Write with care: every write of registers comes through here."""
         notes = target.notes
         if notes is None:
@@ -272,7 +272,7 @@ class Family(ABC):
         in_ram = {
             register: raw
             for register, raw in values.items()
-            if register.name not in self.fickle and (register.area is Area.RAM or isinstance(register.place, EepRam))
+            if register.name not in self.volatile and (register.area is Area.RAM or isinstance(register.place, EepRam))
         }
         notes.forget(in_ram)  # until it is known that they arrived
         try:
@@ -286,7 +286,7 @@ class Family(ABC):
         if torque in values and self.torque_on(values[torque]):
             notes.restarted = False
 
-    def _check_step(self, target: Target, values: Mapping[Register[Any], int], notes: Notes) -> Procedure[None]:
+    def _check_step(self, target: ServoRef, values: Mapping[Register[Any], int], notes: ServoRecord) -> Procedure[None]:
         """Refuse goals that lie too far from where the servo is. Raises BadValue."""
         goals = [register for register in values if register.name.endswith("goal_position")]
         if not goals or notes.max_step is None:
@@ -296,29 +296,29 @@ class Family(ABC):
         for goal in goals:
             notes.check_step(str(target), abs(goal.decode(values[goal]) - row.decode(here)))
 
-    def _check_unlocked(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[None]:  # noqa: ARG002
+    def _check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:  # noqa: ARG002
         """Raise UsageError if the servo has locked its EEPROM. Most families have no lock."""
         yield from ()
 
-    def read_stored(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+    def read_stored(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
         """Read the values that survive power-off, where they can differ from those that act now."""
         return self.read(target, registers)
 
     # Motion
 
     @abstractmethod
-    def stance(self, target: Target) -> Procedure[Stance]:
+    def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
         """Read what a move must know."""
 
-    def check_leg(self, leg: Leg) -> None:  # noqa: B027 - most families have nothing to add
+    def check_axis(self, axis: AxisMove) -> None:  # noqa: B027 - most families have nothing to add
         """Raise BadValue for a leg that this family cannot do, beyond what limits and times tell."""
 
     @abstractmethod
-    def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
+    def start_moves(self, axes: Sequence[AxisMove]) -> Procedure[None]:
         """Start all legs together."""
 
     @abstractmethod
-    def goals(self, goals: Mapping[Target, int], time: float) -> list[Exchange[None]]:
+    def goals(self, goals: Mapping[ServoRef, int], time: float) -> list[Exchange[None]]:
         """Give what sends raw goals to servos, in as few packets as the family allows; nothing answers.
 
         They act as soon as the last has arrived. `time` in s is what the way takes, where moves have a time; 0 is as
@@ -326,39 +326,39 @@ class Family(ABC):
         """
 
     @abstractmethod
-    def moving(self, target: Target) -> Procedure[bool]:
+    def moving(self, target: ServoRef) -> Procedure[bool]:
         """Tell whether the servo still moves towards its goal."""
 
     @abstractmethod
-    def stop(self, target: Target) -> Procedure[None]:
+    def stop(self, target: ServoRef) -> Procedure[None]:
         """End the motion and hold the present position."""
 
     @abstractmethod
-    def torque(self, target: Target, on: bool) -> Procedure[None]:
+    def torque(self, target: ServoRef, on: bool) -> Procedure[None]:
         """Switch torque. On sets goal := present position first, so that nothing jumps."""
 
-    def brake(self, target: Target) -> Procedure[None]:
+    def brake(self, target: ServoRef) -> Procedure[None]:
         """Short the motor. Raises UsageError where the family cannot."""
         yield from ()  # a procedure without steps
         raise cannot(target, "brake", "only HerkuleX servos can (Torque Control); hold or free it")
 
     @abstractmethod
-    def push(self, target: Target) -> Procedure[float]:
+    def push(self, target: ServoRef) -> Procedure[float]:
         """Read how hard the servo pushes, as a share 0 .. 1 of the output that it is allowed now."""
 
-    def sets_going(self, target: Target, values: Mapping[Register[Any], int]) -> bool:
+    def sets_going(self, target: ServoRef, values: Mapping[Register[Any], int]) -> bool:
         """Tell whether writing these raw values can set the servo in motion, or switches it on."""
         torque = target.model.register("torque_enable")
         return (torque in values and self.torque_on(values[torque])) or any(
-            register.name.endswith("goal_position") or register.name in self.drives for register in values
+            register.name.endswith("goal_position") or register.name in self.motion_registers for register in values
         )
 
     @abstractmethod
-    def read_alarms(self, target: Target) -> Procedure[int]:
+    def read_alarms(self, target: ServoRef) -> Procedure[int]:
         """Ask which alarms stand now, as the family's own flags."""
 
     @abstractmethod
-    def rearm(self, target: Target) -> Procedure[None]:
+    def rearm(self, target: ServoRef) -> Procedure[None]:
         """Bring a servo back that switched its torque off, by the family's own rule.
 
         Goal := present position before the torque comes on; one whose torque is on is left as it is. Raises
@@ -370,7 +370,7 @@ class Family(ABC):
         return raw != 0
 
     @abstractmethod
-    def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
+    def turn(self, target: ServoRef, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Turn without end: wheel, motor or infinite turn mode.
 
         `speed` in rad/s where the servo controls its speed, `output` as a share -1 .. 1 of full output where
@@ -378,29 +378,29 @@ class Family(ABC):
         """
 
     @abstractmethod
-    def position_mode(self, target: Target, limits: tuple[int, int] | None) -> Procedure[None]:
+    def position_mode(self, target: ServoRef, limits: tuple[int, int] | None) -> Procedure[None]:
         """Come back from `turn` and hold the present position. `limits` are raw position limits to set."""
 
     # Light, life and identity
 
     @abstractmethod
-    def led(self, target: Target, colour: str) -> Procedure[None]:
+    def led(self, target: ServoRef, colour: str) -> Procedure[None]:
         """Set the light: "off", "on" or one of the colours that the model has."""
 
     @abstractmethod
-    def reboot(self, target: Target) -> Procedure[None]:
+    def reboot(self, target: ServoRef) -> Procedure[None]:
         """Restart the servo. Raises UsageError where the family has no such command."""
 
     @abstractmethod
-    def reset(self, target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+    def reset(self, target: ServoRef, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         """Restore factory settings, less what is kept ("id", "baud", "calibration"). Gives the new id and baud."""
 
     @abstractmethod
-    def set_id(self, target: Target, id: int) -> Procedure[None]:
+    def set_id(self, target: ServoRef, id: int) -> Procedure[None]:
         """Change the id for good."""
 
     @abstractmethod
-    def set_baud(self, target: Target, baud: int) -> Procedure[None]:
+    def set_baud(self, target: ServoRef, baud: int) -> Procedure[None]:
         """Change the speed for good; the servo is on the new speed when the procedure ends."""
 
     # Explaining
@@ -433,7 +433,7 @@ def check_output(output: float) -> float:
     return output
 
 
-def cannot(target: Target, what: str, why: str) -> UsageError:
+def cannot(target: ServoRef, what: str, why: str) -> UsageError:
     """Make the error for a verb that a family does not have."""
     return UsageError(f"{target} cannot {what}: {why}")
 

@@ -1,6 +1,6 @@
 """What is known of one servo beside its registers: how often its EEPROM was written, and what its RAM should hold.
 
-The notes travel with the servo's `Target`, so that every write passes them, whichever verb it comes from. A
+The notes travel with the servo's `ServoRef`, so that every write passes them, whichever verb it comes from. A
 target without notes is written to as asked, without a look at what is there.
 """
 
@@ -22,8 +22,8 @@ SafeAction: TypeAlias = Literal["hold", "free", "brake"]
 """What makes a servo safe: end the motion and hold the present position, torque off, or short its motor."""
 
 
-class Notes:
-    """Notes on one servo.
+class ServoRecord:
+    """ServoRecord on one servo.
 
     clock           seconds that never go back; by it the brake on EEPROM writes counts. Assumption: the
                     computer's own clock, even where the servo lives on a virtual one
@@ -34,16 +34,28 @@ class Notes:
     max_step        farthest that one goal may lie from where it is, rad; None for no limit
     safe_action     what makes it safe; None: nobody chose, so it is "hold"
     driven          whether we switched it on or set it in motion, and nothing has ended that since
-    held            whether it was stopped since
-    halted          why it must not be moved now; "" if it may
-    slow            share of the speed asked for with which it is moved
-    gate            called before it is set in motion; what it raises forbids that
-    attend          called while somebody waits for it, or sends goals again and again; what it raises ends that
+    stopped         whether it was stopped since
+    inhibited       why it must not be moved now; "" if it may
+    speed_factor    share of the speed asked for with which it is moved
+    before_motion   called before it is set in motion; what it raises forbids that
+    keep_alive      called while somebody waits for it, or sends goals again and again; what it raises ends that
     """
 
     __slots__ = (
-        "_recent", "attend", "clock", "driven", "eeprom_writes", "gate", "halted", "held", "max_step", "most", "ram",
-        "restarted", "safe_action", "slow",
+        "_recent",
+        "before_motion",
+        "clock",
+        "driven",
+        "eeprom_writes",
+        "inhibited",
+        "keep_alive",
+        "max_step",
+        "most",
+        "ram",
+        "restarted",
+        "safe_action",
+        "speed_factor",
+        "stopped",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -54,11 +66,11 @@ class Notes:
         self.restarted = False
         self.max_step: float | None = None
         self.safe_action: SafeAction | None = None
-        self.driven = self.held = False
-        self.halted = ""
-        self.slow = 1.0
-        self.gate: Callable[[], None] | None = None
-        self.attend: Callable[[], None] | None = None
+        self.driven = self.stopped = False
+        self.inhibited = ""
+        self.speed_factor = 1.0
+        self.before_motion: Callable[[], None] | None = None
+        self.keep_alive: Callable[[], None] | None = None
         self._recent: dict[str, list[float]] = {}
         """Register -> times of its last writes."""
 
@@ -101,17 +113,17 @@ class Notes:
         for register in list(self.ram if registers is None else registers):
             self.ram.pop(register, None)
 
-    def go(self) -> None:
+    def mark_moving(self) -> None:
         """Take note that it is set in motion or switched on now. Raises Stopped if that must not be."""
-        if self.halted:
-            raise Stopped(self.halted)
-        if self.gate is not None:
-            self.gate()
-        self.driven, self.held = True, False
+        if self.inhibited:
+            raise Stopped(self.inhibited)
+        if self.before_motion is not None:
+            self.before_motion()
+        self.driven, self.stopped = True, False
 
-    def rest(self) -> None:
+    def mark_idle(self) -> None:
         """Take note that nothing we did moves it or holds it any more."""
-        self.driven = self.held = False
+        self.driven = self.stopped = False
 
     def check_step(self, who: str, distance: float) -> None:
         """Raise BadValue if a goal lies farther off than `max_step`; `distance` in rad."""

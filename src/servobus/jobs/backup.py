@@ -7,7 +7,7 @@ from servobus.core.registers import Area, Register
 from servobus.core.values import frozen
 from servobus.errors import BusError, UsageError
 from servobus.families import registry
-from servobus.families.base import Model, Target
+from servobus.families.base import Model, ServoRef
 
 
 @frozen
@@ -69,7 +69,7 @@ def _identity_names(model: type[Model]) -> set[str]:
     return {"id", model.aliases.get("baud", "baud")}
 
 
-def backup(target: Target, firmware: str, baud: int) -> Procedure[Backup]:
+def backup(target: ServoRef, firmware: str, baud: int) -> Procedure[Backup]:
     """Read all settings that survive power-off."""
     rows = _settings(target.model)
     values = yield from ask(target.model.family.read_stored(target, rows))
@@ -82,7 +82,7 @@ def backup(target: Target, firmware: str, baud: int) -> Procedure[Backup]:
     )
 
 
-def restore(target: Target, saved: Backup) -> Procedure[list[str]]:
+def restore(target: ServoRef, saved: Backup) -> Procedure[list[str]]:
     """Write the settings that differ from the backup; id and speed stay as they are. Gives their names."""
     if saved.model is not target.model:
         raise UsageError(

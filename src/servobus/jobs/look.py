@@ -7,11 +7,11 @@ from servobus.core.registers import Register
 from servobus.core.units import show
 from servobus.core.values import frozen
 from servobus.errors import Restarted
-from servobus.families.base import Family, Identity, Target
+from servobus.families.base import Family, Identity, ServoRef
 
 
 @frozen
-class State:
+class Snapshot:
     """What one wants to see of a servo first."""
 
     position: float
@@ -30,13 +30,13 @@ class State:
         )
 
 
-def look(target: Target) -> Procedure[State]:
+def look(target: ServoRef) -> Procedure[Snapshot]:
     """Read position, voltage, temperature and torque."""
     names = ("present_position", "present_voltage", "present_temperature", "torque_enable")
     rows = [target.model.register(name) for name in names]
     raw = yield from ask(target.model.family.read(target, rows))
     position, voltage, temperature, _ = (row.decode(value) for row, value in zip(rows, raw, strict=True))
-    return State(position, voltage, temperature, target.model.family.torque_on(raw[3]))
+    return Snapshot(position, voltage, temperature, target.model.family.torque_on(raw[3]))
 
 
 def identify_at(family: Family, id: int, baud: int) -> Procedure[Identity]:
@@ -45,7 +45,7 @@ def identify_at(family: Family, id: int, baud: int) -> Procedure[Identity]:
     return (yield from family.identify(id))
 
 
-def verify(target: Target) -> Procedure[None]:
+def verify(target: ServoRef) -> Procedure[None]:
     """Compare what was set in the servo's RAM, torque included, with what it holds. Raises Restarted.
 
     Without anything set so far nothing can be told. A servo whose torque is off because of an alarm has not

@@ -3,11 +3,11 @@
 from servobus.core.exchange import Procedure, ask
 from servobus.core.values import replace
 from servobus.errors import BusError
-from servobus.families.base import Answers, Target
+from servobus.families.base import Answers, ServoRef
 from servobus.families.record import SafeAction
 
 
-def make_safe(target: Target, action: SafeAction) -> Procedure[None]:
+def make_safe(target: ServoRef, action: SafeAction) -> Procedure[None]:
     """Hold a servo where it is, free it or brake it."""
     family, notes = target.model.family, target.notes
     if action == "free":
@@ -19,19 +19,19 @@ def make_safe(target: Target, action: SafeAction) -> Procedure[None]:
                 raise BusError(f"{target}: its torque is still on")
     elif action == "brake":
         yield from family.brake(target)
-    elif notes is None or not notes.held:
+    elif notes is None or not notes.stopped:
         yield from _hold(replace(target, notes=None))  # no limit of one step stands against stopping
     if notes is not None:
-        notes.rest()
+        notes.mark_idle()
 
 
-def _hold(target: Target) -> Procedure[None]:
+def _hold(target: ServoRef) -> Procedure[None]:
     family = target.model.family
     try:
-        stance = yield from family.stance(target)
+        motion_status = yield from family.motion_status(target)
     except BusError:
         pass  # stop it all the same
     else:
-        if not stance.torque:
+        if not motion_status.torque:
             return  # it moves nothing; and a goal would switch an RX-28 on
     yield from family.stop(target)

@@ -8,7 +8,7 @@ from servobus.core.exchange import Pause, Procedure, ask
 from servobus.core.units import deg, show
 from servobus.core.values import frozen
 from servobus.errors import BadValue, MoveTimeout, Stopped, TorqueOff, UsageError
-from servobus.families.base import Leg, Target
+from servobus.families.base import AxisMove, ServoRef
 
 DEFAULT_SPEED = 90 * deg
 """Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try."""
@@ -22,20 +22,22 @@ ATTENTION = 0.05
 
 
 @frozen
-class Course:
+class PlannedMove:
     """A move of servos of one family: who goes where, and when all should be there."""
 
-    legs: tuple[Leg, ...]
-    loose: tuple[Target, ...]
+    axes: tuple[AxisMove, ...]
+    without_torque: tuple[ServoRef, ...]
     """Servos whose torque was off when the move was planned."""
 
     @property
     def duration(self) -> float:
         """Seconds from start to arrival."""
-        return max(leg.duration for leg in self.legs)
+        return max(axis.duration for axis in self.axes)
 
 
-def plan(goals: Mapping[Target, float], *, time: float | None = None, speed: float | None = None) -> Procedure[Course]:
+def plan(
+    goals: Mapping[ServoRef, float], *, time: float | None = None, speed: float | None = None
+) -> Procedure[PlannedMove]:
     """Check a move of one servo or several that start together and arrive together; nothing moves yet.
 
     goals   target -> angle in rad, targets of one family
@@ -56,53 +58,53 @@ def plan(goals: Mapping[Target, float], *, time: float | None = None, speed: flo
 
     raw = {target: raw_goal(target, angle) for target, angle in goals.items()}
     family = next(iter(goals)).model.family
-    distances: dict[Target, float] = {}
-    loose = []
+    distances: dict[ServoRef, float] = {}
+    without_torque = []
     for target, goal in raw.items():
-        stance = yield from family.stance(target)
-        if stance.turning:
+        motion_status = yield from family.motion_status(target)
+        if motion_status.turning:
             raise UsageError(
                 f"{target} turns without end; position_mode() or `servobus turn PORT {target.id} --end` ends that"
             )
         row = target.model.register("goal_position")
-        if not stance.low <= goal <= stance.high:
-            low, high = row.show(row.decode(stance.low)), row.show(row.decode(stance.high))
+        if not motion_status.low <= goal <= motion_status.high:
+            low, high = row.show(row.decode(motion_status.low)), row.show(row.decode(motion_status.high))
             raise BadValue(f"{target}: {row.show(row.decode(goal))} is outside the limits set in it, {low} .. {high}")
         notes = target.notes
-        if not stance.torque or (notes is not None and notes.restarted):
-            loose.append(target)
-        distances[target] = abs(row.decode(goal) - stance.position)
+        if not motion_status.torque or (notes is not None and notes.restarted):
+            without_torque.append(target)
+        distances[target] = abs(row.decode(goal) - motion_status.position)
         if notes is not None:
             notes.check_step(str(target), distances[target])
     if time is None:
         time = max(max(distances.values()) / (speed or DEFAULT_SPEED), SHORTEST)
-    time /= min(target.notes.slow if target.notes is not None else 1.0 for target in goals)
+    time /= min(target.notes.speed_factor if target.notes is not None else 1.0 for target in goals)
     if family.max_move_time is not None and time > family.max_move_time:
         raise BadValue(
             f"a {family.title} move takes {show(family.max_move_time, 's')} at most, "
             f"this one would take {show(time, 's')}: go in steps, or faster"
         )
-    legs = tuple(Leg(target, goal, distances[target], time) for target, goal in raw.items())
-    for leg in legs:
-        family.check_leg(leg)
-    return Course(legs, tuple(loose))
+    axes = tuple(AxisMove(target, goal, distances[target], time) for target, goal in raw.items())
+    for axis in axes:
+        family.check_axis(axis)
+    return PlannedMove(axes, tuple(without_torque))
 
 
-def launch(course: Course) -> Procedure[None]:
+def start_move(course: PlannedMove) -> Procedure[None]:
     """Start a move that was planned. Raises Stopped if one of its servos must not move now."""
-    set_going(leg.target for leg in course.legs)
-    yield from course.legs[0].target.model.family.launch(course.legs)
+    mark_moving(axis.target for axis in course.axes)
+    yield from course.axes[0].target.model.family.start_moves(course.axes)
 
 
-def set_going(targets: Iterable[Target]) -> None:
+def mark_moving(targets: Iterable[ServoRef]) -> None:
     """Take note that these are set in motion or switched on now. Raises Stopped if one must not be."""
     for target in targets:
         if target.notes is not None:
-            target.notes.go()
+            target.notes.mark_moving()
 
 
-def keep_going(targets: Iterable[Target]) -> None:
-    """Take note that these are given goals again and again. As `set_going`, but quick for those that move already.
+def keep_moving(targets: Iterable[ServoRef]) -> None:
+    """Take note that these are given goals again and again. As `mark_moving`, but quick for those that move already.
 
     The targets are on one bus, so that one word to its watch is enough.
     """
@@ -111,21 +113,21 @@ def keep_going(targets: Iterable[Target]) -> None:
         notes = target.notes
         if notes is None:
             continue
-        if not notes.driven or notes.held or notes.halted:
-            notes.go()
+        if not notes.driven or notes.stopped or notes.inhibited:
+            notes.mark_moving()
         elif not attended:
-            attend(target)
+            keep_alive(target)
             attended = True
 
 
-def require_torque(courses: Sequence[Course]) -> None:
+def require_torque(moves: Sequence[PlannedMove]) -> None:
     """Refuse a move that some servo would not follow. Raises TorqueOff."""
-    loose = [str(target) for course in courses for target in course.loose]
-    if loose:
-        raise TorqueOff(f"{', '.join(loose)}: torque is off, so nothing would move; switch it on first")
+    without_torque = [str(target) for course in moves for target in course.without_torque]
+    if without_torque:
+        raise TorqueOff(f"{', '.join(without_torque)}: torque is off, so nothing would move; switch it on first")
 
 
-def raw_goal(target: Target, angle: float) -> int:
+def raw_goal(target: ServoRef, angle: float) -> int:
     """Turn an angle into a raw goal the model can take. Raises BadValue."""
     if not _is_number(angle):
         raise BadValue(f"{target}: {angle!r} is not a number; an angle is in radians, such as 90 * deg")
@@ -150,7 +152,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, Real)
 
 
-def arrive(course: Course, *, timeout: float | None = None, tolerance: float = 3 * deg) -> Procedure[None]:
+def wait_arrival(course: PlannedMove, *, timeout: float | None = None, tolerance: float = 3 * deg) -> Procedure[None]:
     """Wait until all servos of a move stand still near their goals.
 
     `timeout` is in seconds from now; the move's own duration and 2 s by default. Raises MoveTimeout, or Stopped as soon
@@ -160,37 +162,37 @@ def arrive(course: Course, *, timeout: float | None = None, tolerance: float = 3
         raise BadValue(f"timeout {timeout} is not a number of seconds")
     left = course.duration + 2.0 if timeout is None else timeout
     begin = left - course.duration
-    while left > max(begin, 0) and not any(_given_up(leg.target) for leg in course.legs):
-        attend(course.legs[0].target)
+    while left > max(begin, 0) and not any(_given_up(axis.target) for axis in course.axes):
+        keep_alive(course.axes[0].target)
         pause = min(left - max(begin, 0), ATTENTION)
         yield Pause(pause, shared=True)
         left -= pause
-    for leg in sorted(course.legs, key=lambda leg: not _given_up(leg.target)):
-        row = leg.target.model.register("present_position")
+    for axis in sorted(course.axes, key=lambda axis: not _given_up(axis.target)):
+        row = axis.target.model.register("present_position")
         while True:
-            attend(leg.target)
-            given_up = _given_up(leg.target)
-            moving = yield from leg.target.model.family.moving(leg.target)
-            (raw,) = yield from ask(leg.target.model.family.read(leg.target, [row]))
-            if not moving and abs(row.decode(raw) - row.decode(leg.goal)) <= tolerance:
+            keep_alive(axis.target)
+            given_up = _given_up(axis.target)
+            moving = yield from axis.target.model.family.moving(axis.target)
+            (raw,) = yield from ask(axis.target.model.family.read(axis.target, [row]))
+            if not moving and abs(row.decode(raw) - row.decode(axis.goal)) <= tolerance:
                 break
-            here, goal = row.show(row.decode(raw)), row.show(row.decode(leg.goal))
+            here, goal = row.show(row.decode(raw)), row.show(row.decode(axis.goal))
             if given_up:
                 raise Stopped(
-                    f"{leg.target} is at {here} and goes to {goal} no more: it was stopped or its torque switched off"
+                    f"{axis.target} is at {here} and goes to {goal} no more: it was stopped or its torque switched off"
                 )
             if left <= 0:
-                raise MoveTimeout(f"{leg.target} is at {here} and did not reach {goal}")
+                raise MoveTimeout(f"{axis.target} is at {here} and did not reach {goal}")
             yield Pause(LOOK, shared=True)
             left -= LOOK
 
 
-def attend(target: Target) -> None:
+def keep_alive(target: ServoRef) -> None:
     """Say that somebody cares for a servo in motion, which feeds the watch. Raises Stopped if nothing is to move."""
-    if target.notes is not None and target.notes.attend is not None:
-        target.notes.attend()
+    if target.notes is not None and target.notes.keep_alive is not None:
+        target.notes.keep_alive()
 
 
-def _given_up(target: Target) -> bool:
+def _given_up(target: ServoRef) -> bool:
     """Tell whether something has ended its motion since it was set going."""
-    return target.notes is not None and (target.notes.held or not target.notes.driven)
+    return target.notes is not None and (target.notes.stopped or not target.notes.driven)

@@ -11,7 +11,7 @@ from servobus.core.ids import check_id
 from servobus.core.registers import Area, Register
 from servobus.core.values import frozen, replace
 from servobus.errors import BusError, NoReply, Refused, UsageError
-from servobus.families.base import Answers, Family, Model, Target
+from servobus.families.base import Answers, Family, Model, ServoRef
 
 ROUNDS = 3
 """Times that both ends are asked before a servo counts as lost."""
@@ -28,7 +28,7 @@ class End:
         return f"id {self.id} at {self.baud} baud"
 
 
-def change_id(target: Target, baud: int, id: int) -> Procedure[None]:
+def change_id(target: ServoRef, baud: int, id: int) -> Procedure[None]:
     """Give a servo another id, for good.
 
     Raises UsageError if some servo has it already, BusError if the servo stays what it was, NoReply if it is found
@@ -43,7 +43,7 @@ def change_id(target: Target, baud: int, id: int) -> Procedure[None]:
     yield from _change(target, old, new, lambda end: family.set_id(target, end.id))
 
 
-def change_baud(target: Target, baud: int, new_baud: int) -> Procedure[None]:
+def change_baud(target: ServoRef, baud: int, new_baud: int) -> Procedure[None]:
     """Set a servo to another speed, for good; the bus follows it.
 
     Raises UsageError if another servo with its id is there already, for nobody could tell the two apart; BusError if
@@ -58,7 +58,7 @@ def change_baud(target: Target, baud: int, new_baud: int) -> Procedure[None]:
     yield from _change(target, old, new, lambda end: family.set_baud(target, end.baud))
 
 
-def reset(target: Target, baud: int, keep: frozenset[str]) -> Procedure[End]:
+def reset(target: ServoRef, baud: int, keep: frozenset[str]) -> Procedure[End]:
     """Restore factory settings; gives where the servo is then.
 
     Raises UsageError if another servo has the factory id, for nothing but unplugging one would tell the two apart;
@@ -108,7 +108,7 @@ def _resettable(model: type[Model]) -> list[Register[int]]:
 
 
 def _change(
-    target: Target, old: End, new: End, attempt: Callable[[End], Procedure[None]], *, back: bool = True
+    target: ServoRef, old: End, new: End, attempt: Callable[[End], Procedure[None]], *, back: bool = True
 ) -> Procedure[None]:
     """Try to bring a servo from one end to the other, a second time if it is found where it was.
 

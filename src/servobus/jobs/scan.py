@@ -3,17 +3,17 @@
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Procedure, SetBaud, Volley
+from servobus.core.exchange import Batch, Exchange, Procedure, SetBaud
 from servobus.core.ids import LAST_ID, check_id
 from servobus.core.values import frozen
 from servobus.errors import BusError, NoReply
 from servobus.families import registry
-from servobus.families.base import Answers, Family, Identity, Model, Target
-from servobus.jobs.look import State, look
+from servobus.families.base import Answers, Family, Identity, Model, ServoRef
+from servobus.jobs.look import Snapshot, look
 
 
 @frozen
-class Found:
+class FoundServo:
     """A servo that answered. `model` is None if its number is of no model known here."""
 
     family: Family
@@ -21,14 +21,14 @@ class Found:
     baud: int
     identity: Identity
     model: type[Model] | None
-    state: State | None
+    state: Snapshot | None
     """None for a servo whose registers cannot be read: an unknown model, or one that answers nothing."""
     alarms: int = 0
     """Alarm bits that stood in its answer."""
 
 
 @frozen
-class Trouble:
+class ScanProblem:
     """Something answered that made no sense."""
 
     family: Family
@@ -43,7 +43,7 @@ class Trouble:
 
 
 @frozen
-class Progress:
+class ScanProgress:
     """How far a scan is."""
 
     done: int
@@ -51,21 +51,21 @@ class Progress:
     family: Family
     baud: int
     id: int
-    found: Found | None = None
+    found: FoundServo | None = None
 
 
-class Survey:
+class ScanResult:
     """What a scan saw."""
 
     def __init__(self) -> None:
-        self.found: list[Found] = []
-        self.troubles: list[Trouble] = []
+        self.found: list[FoundServo] = []
+        self.troubles: list[ScanProblem] = []
 
 
 AT_ONCE = 16
 """Ids that a scan asks before it looks at the answers."""
 
-Watcher = Callable[[Progress], None]
+Watcher = Callable[[ScanProgress], None]
 
 
 def scan(
@@ -73,8 +73,8 @@ def scan(
     bauds: Sequence[int] | None = None,
     ids: Iterable[int] = range(LAST_ID + 1),
     watch: Watcher | None = None,
-    survey: Survey | None = None,
-) -> Procedure[Survey]:
+    survey: ScanResult | None = None,
+) -> Procedure[ScanResult]:
     """Ask every id of every family at every speed whether it is there. Moves nothing, changes nothing.
 
     `bauds` None means each family's factory speed. What is found is put into `survey` at once, so it is there even
@@ -82,50 +82,50 @@ def scan(
     """
     wanted = [check_id(id) for id in ids]
     rounds = [(baud, family) for family in families for baud in bauds or (family.default_baud,)]
-    survey = Survey() if survey is None else survey
+    survey = ScanResult() if survey is None else survey
     done = 0
     for baud, family in sorted(rounds, key=lambda item: item[0]):
         yield SetBaud(baud)
         for start in range(0, len(wanted), AT_ONCE):
             some = wanted[start : start + AT_ONCE]
             # A scan mostly meets silence: it does not ask twice, but where something was heard.
-            answers = yield Volley([family.ping(id).once() for id in some])
+            answers = yield Batch([family.ping(id).no_retry() for id in some])
             for id, answer in zip(some, answers, strict=True):
                 done += 1
                 found = None
                 if not isinstance(answer, NoReply):
                     found = yield from _met(family, id, baud, survey)
                 if watch is not None:
-                    watch(Progress(done, len(rounds) * len(wanted), family, baud, id, found))
+                    watch(ScanProgress(done, len(rounds) * len(wanted), family, baud, id, found))
     return survey
 
 
-def _met(family: Family, id: int, baud: int, survey: Survey) -> Procedure[Found | None]:
+def _met(family: Family, id: int, baud: int, survey: ScanResult) -> Procedure[FoundServo | None]:
     """Look closer at what may have answered, and put it into the survey."""
     try:
         ping: Exchange[Any] = family.ping(id)
-        alarms = (yield ping.giving(ping.alarms)) if ping.alarms is not None else (yield ping) or 0
+        alarms = (yield ping.mapped(ping.alarms)) if ping.alarms is not None else (yield ping) or 0
         found = yield from _meet(family, id, baud, alarms)
     except NoReply:
         return None
     except BusError as error:
-        survey.troubles.append(Trouble(family, id, baud, error))
+        survey.troubles.append(ScanProblem(family, id, baud, error))
         return None
     survey.found.append(found)
     return found
 
 
-def _meet(family: Family, id: int, baud: int, alarms: int) -> Procedure[Found]:
+def _meet(family: Family, id: int, baud: int, alarms: int) -> Procedure[FoundServo]:
     """Get to know a servo that is there."""
     identity = yield from family.identify(id)
     model = registry.identified(family, identity.number)
     state = None
     if model is not None and identity.answers is not Answers.NOTHING:
-        state = yield from look(Target(id, model, identity.answers))
-    return Found(family, id, baud, identity, model, state, alarms)
+        state = yield from look(ServoRef(id, model, identity.answers))
+    return FoundServo(family, id, baud, identity, model, state, alarms)
 
 
-def find(families: Sequence[Family], bauds: Sequence[int] | None, id: int) -> Procedure[Found]:
+def find(families: Sequence[Family], bauds: Sequence[int] | None, id: int) -> Procedure[FoundServo]:
     """Look for one servo. Raises NoReply if nobody answers, BusError if it is no model known here."""
     survey = yield from scan(families, bauds, [id])
     for found in survey.found:

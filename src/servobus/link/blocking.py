@@ -6,7 +6,7 @@
 import threading
 from typing import TypeVar
 
-from servobus.link.link import Link, Listen, Waits
+from servobus.link.link import Link, Receive, Waits
 from servobus.transports.base import Transport
 
 T = TypeVar("T")
@@ -15,7 +15,7 @@ SLICE = 0.05
 """s after which one who rests looks whether the line was taken from him."""
 
 
-def carry_out(link: Link, waits: Waits[T], lock: "threading.RLock | None" = None) -> T:
+def run_blocking(link: Link, waits: Waits[T], lock: "threading.RLock | None" = None) -> T:
     """Wait as asked until the job is done; give its result.
 
     `lock` is let go where others may use the line. Raises Stopped if the line was taken over meanwhile.
@@ -25,7 +25,7 @@ def carry_out(link: Link, waits: Waits[T], lock: "threading.RLock | None" = None
     try:
         wait = next(waits)
         while True:
-            if isinstance(wait, Listen):
+            if isinstance(wait, Receive):
                 heard = transport.read(wait.seconds)
             elif lock is not None and wait.shared:
                 lock.release()
@@ -49,6 +49,6 @@ def _rest(link: Link, transport: Transport, seconds: float) -> None:
         transport.sleep(seconds)
         return
     end = transport.now() + seconds
-    while seconds > 0 and not link.retired:
+    while seconds > 0 and not link.superseded:
         transport.sleep(min(seconds, SLICE))
         seconds = end - transport.now()

@@ -6,12 +6,12 @@ from servobus.transports.base import Transport
 class Latency:
     """How much later than the wire allows answers come: learned from those that come.
 
-    peak      the latest of the last some thousand, s; it fades
-    patience  how long to wait for one, s: twice the peak, and SPARE; as long as few have come, at least the
+    worst_delay      the latest of the last some thousand, s; it fades
+    patience  how long to wait for one, s: twice the worst_delay, and SPARE; as long as few have come, at least the
               transport's own guess
     """
 
-    __slots__ = ("_transport", "answers", "patience", "peak")
+    __slots__ = ("_transport", "answers", "reply_margin", "worst_delay")
 
     SPARE = 0.004
     FLOOR = 0.010
@@ -25,18 +25,18 @@ class Latency:
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
         self.answers = 0
-        self.peak = 0.0
-        self.patience = 0.0
+        self.worst_delay = 0.0
+        self.reply_margin = 0.0
         self.review()
 
     def note(self, late: float) -> None:
         """Learn from an answer that came this many seconds later than the wire allows."""
         self.answers += 1
-        if late > self.peak:
-            self.peak = min(late, self.LONGEST)
+        if late > self.worst_delay:
+            self.worst_delay = min(late, self.LONGEST)
             self.review()
         elif not self.answers % self.ENOUGH:
-            self.peak = max(late, 0.95 * self.peak)
+            self.worst_delay = max(late, 0.95 * self.worst_delay)
             self.review()
 
     def impossible(self, late: float, wire: float) -> bool:
@@ -48,4 +48,4 @@ class Latency:
         guess = self._transport.latency
         if self.answers >= self.ENOUGH:
             guess = min(guess, self.FLOOR)
-        self.patience = max(guess, min(2 * self.peak + self.SPARE, self.LONGEST))
+        self.reply_margin = max(guess, min(2 * self.worst_delay + self.SPARE, self.LONGEST))

@@ -16,12 +16,12 @@ from collections.abc import Callable, Generator, Sequence
 from time import monotonic
 from typing import Any, Final, TypeAlias, TypeVar
 
-from servobus.core.exchange import Collector, Exchange, Job, Pause, SetBaud, Step, Volley, sent
+from servobus.core.exchange import Batch, Collector, Exchange, Job, Pause, SetBaud, Step, ack_only
 from servobus.core.framing import Framing, Noise, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.values import frozen
 from servobus.errors import BrokenEcho, BusError, DuplicateId, LineBusy, NoReply, Refused, Stopped
-from servobus.link.late_replies import SLOWEST, Doubts, Lost
+from servobus.link.late_replies import SLOWEST, LateReplies, MissedReply
 from servobus.link.latency import Latency
 from servobus.link.stats import Counts, Stats
 from servobus.transports.base import Transport
@@ -42,7 +42,7 @@ DEADLINE = 0.5
 
 
 @frozen
-class Listen:
+class Receive:
     """Wait: up to this many seconds for bytes; the generator is sent what came."""
 
     seconds: float
@@ -56,10 +56,10 @@ class Rest:
     shared: bool = False
 
 
-Waits: TypeAlias = Generator[Listen | Rest, bytes, T]
+Waits: TypeAlias = Generator[Receive | Rest, bytes, T]
 
-MISSED: Final = object()
-"""What `quick` gives where a longer look is needed."""
+NOT_FAST: Final = object()
+"""What `try_fast_receive` gives where a longer look is needed."""
 
 
 @frozen
@@ -86,7 +86,7 @@ class Link:
         *,
         echo: bool | None,
         heard: Callable[[Exchange[Any], Packet], None],
-        markers: Callable[[Framing, int], Sequence[Exchange[Any]]],
+        fences: Callable[[Framing, int], Sequence[Exchange[Any]]],
     ) -> None:
         self.transport = transport
         self.echo = echo
@@ -95,8 +95,8 @@ class Link:
         """Whether a request has come back, so that from now on a byte goes before those that are like their answers."""
         self.stats = Stats()
         self.latency = Latency(transport)
-        self._heard, self._markers = heard, markers
-        self._doubts = Doubts()
+        self._heard, self._fences = heard, fences
+        self._late_replies = LateReplies()
         self._doubled: dict[int, DuplicateId] = {}
         """Second answers that were found too late to tell who had asked."""
         self._unquiet = False
@@ -113,9 +113,9 @@ class Link:
         self._sent_at = 0.0
         """Time from which on a change of speed cannot spoil them any more."""
         self._deadline = 0.0
-        self._wary = True
+        self._slow_path = True
         """Whether the next question must take the long way."""
-        self.retired = False
+        self.superseded = False
         """Whether somebody else has taken the line over: then nothing is sent here any more."""
         self._paces: dict[Exchange[Any], _Pace] = {}
         self._pace_now = _Pace(0.0, 0.0, Counts())
@@ -126,7 +126,7 @@ class Link:
     def run(self, job: Job[T]) -> Waits[T]:
         """Carry out a job."""
         if isinstance(job, Exchange):
-            return (yield from self.carry(job))
+            return (yield from self.transact(job))
         try:
             step = next(job)
             while True:
@@ -144,9 +144,9 @@ class Link:
 
     def _step(self, step: Step) -> Waits[Any]:
         if isinstance(step, Exchange):
-            return (yield from self.carry(step))
-        if isinstance(step, Volley):
-            return (yield from self._volley(step))
+            return (yield from self.transact(step))
+        if isinstance(step, Batch):
+            return (yield from self._batch(step))
         if isinstance(step, SetBaud):
             yield from self.set_baud(step.baud)
         else:
@@ -181,9 +181,9 @@ class Link:
 
     # The shortest way: a calm line, one write, one read
 
-    def begin(self, exchange: Exchange[Any]) -> float:
+    def try_fast_send(self, exchange: Exchange[Any]) -> float:
         """Send at once if nothing stands against it; give the seconds to listen, or 0 if it takes the long way."""
-        if self._wary or self.transport.pending():
+        if self._slow_path or self.transport.pending():
             return 0.0
         pace = self._paces.get(exchange)
         if pace is None:
@@ -194,17 +194,17 @@ class Link:
         self.transport.write(exchange.request)
         self._pace_now = pace  # what follows costs no time: the servo is at work
         pace.counts.sent += 1
-        return pace.window + self.latency.patience
+        return pace.window + self.latency.reply_margin
 
-    def quick(self, exchange: Exchange[T], chunk: bytes) -> T | object:
-        """Give the result if what came is the answer and nothing else; MISSED if it takes more than a look."""
+    def try_fast_receive(self, exchange: Exchange[T], chunk: bytes) -> T | object:
+        """Give the result if what came is the answer and nothing else; NOT_FAST if it takes more than a look."""
         packet = exchange.framing.whole(chunk)
         if packet is None or not exchange.reply.fits(packet) or chunk == exchange.request:  # type: ignore[union-attr] # begin has seen to it
-            return MISSED
+            return NOT_FAST
         pace = self._pace_now
         late = monotonic() - self._began - pace.wire
         if late < 0 and self.latency.impossible(late, pace.wire):
-            return MISSED
+            return NOT_FAST
         counts = pace.counts
         counts.received += 1
         counts.worst = max(counts.worst, late)
@@ -215,26 +215,26 @@ class Link:
             self._tell_alarms(exchange, packet)
         return exchange.interpret(packet)
 
-    def give_up(self, exchange: Exchange[Any]) -> None:
-        """Say that nobody waits for the answer to what `begin` sent: it may still come."""
-        self._lose(exchange)
+    def abandon(self, exchange: Exchange[Any]) -> None:
+        """Say that nobody waits for the answer to what `try_fast_send` sent: it may still come."""
+        self._missed(exchange)
         self._review()
 
-    def retire(self) -> "Link":
+    def supersede(self) -> "Link":
         """Have the exchange under way fail with Stopped, and all later ones; give a link that has the line instead.
 
         It lets what was under way come in before it sends anything.
         """
-        self.retired = self._wary = True
-        link = type(self)(self.transport, echo=self.echo, heard=self._heard, markers=self._markers)
-        link.stats, link.latency, link._doubts = self.stats, self.latency, self._doubts.copy()
+        self.superseded = self._slow_path = True
+        link = type(self)(self.transport, echo=self.echo, heard=self._heard, fences=self._fences)
+        link.stats, link.latency, link._late_replies = self.stats, self.latency, self._late_replies.copy()
         link._quiet_at, link._used_speed, link._unquiet = self._quiet_at, True, True
-        link._clear_at = link._sent_at = self.transport.now() + self.latency.patience
+        link._clear_at = link._sent_at = self.transport.now() + self.latency.reply_margin
         return link
 
     def check(self) -> None:
         """Raise Stopped if somebody else has taken the line over."""
-        if self.retired:
+        if self.superseded:
             raise Stopped("interrupted: the line was needed to make the servos safe")
 
     def _pace(self, exchange: Exchange[Any]) -> _Pace:
@@ -243,22 +243,22 @@ class Link:
             self._paces.clear()  # somebody makes his questions anew each time
         byte_time = BITS_PER_BYTE / self.transport.baud
         request, reply = len(exchange.request) * byte_time, exchange.reply_size * byte_time
-        window = request + SLOW * (exchange.turnaround + reply)
+        window = request + SLOW * (exchange.max_delay + reply)
         pace = self._paces[exchange] = _Pace(window, request + reply, self.stats[exchange.id])
         self._used_speed = True
         return pace
 
     def _review(self) -> None:
         """Find out whether the next question may take the shortest way."""
-        self._wary = (
-            self.retired
+        self._slow_path = (
+            self.superseded
             or self.echo is not False
-            or bool(self._doubts or self._doubled or self._unquiet or self._clear_at)
+            or bool(self._late_replies or self._doubled or self._unquiet or self._clear_at)
         )
 
     # One exchange
 
-    def carry(self, exchange: Exchange[T], begun: bytes | None = None) -> Waits[T]:
+    def transact(self, exchange: Exchange[T], begun: bytes | None = None) -> Waits[T]:
         """Ask, and ask again where that is allowed. `begun` is what was heard if it is sent already."""
         started = self.transport.now()
         first: BusError | None = None
@@ -279,20 +279,20 @@ class Link:
         assert first is not None
         raise first
 
-    def _attempt(self, exchange: Exchange[T], begun: bytes | None = None, *, marking: bool = False) -> Waits[T]:
+    def _attempt(self, exchange: Exchange[T], begun: bytes | None = None, *, fencing: bool = False) -> Waits[T]:
         transport = self.transport
         request = exchange.request
         if begun is None:
-            yield from self._ready(exchange, marking=marking)
+            yield from self._ready(exchange, fencing=fencing)
             unsure = self.echo is None or (self._echo_doubted and not self.echo)
             if unsure and exchange.looks_like_its_reply():
                 # Before such a request goes a byte that servos skip: if it comes back, the rest is an echo too.
                 request = b"\x00" + request
             self._send(exchange, request)
         else:
-            self._deadline = self._began + self._pace_now.window + self.latency.patience
+            self._deadline = self._began + self._pace_now.window + self.latency.reply_margin
             self._clear_at = self._began + len(request) * BITS_PER_BYTE / transport.baud
-        collector = Collector(exchange, self.echo, request, self._doubts.longest(exchange))
+        collector = Collector(exchange, self.echo, request, self._late_replies.longest(exchange))
         chunk = begun or b""
         left = 1.0
         try:
@@ -304,14 +304,14 @@ class Link:
                     break
                 # When time is up the answer may be here all the same, if this computer stalled: look once more.
                 left = self._deadline - transport.now()
-                chunk = yield Listen(max(left, 0.0))
+                chunk = yield Receive(max(left, 0.0))
             return self._judge(collector)
         finally:
             if collector.packet is None or collector.broken_echo:
-                self._lose(exchange)  # it may still come; even if who asked gave up
+                self._missed(exchange)  # it may still come; even if who asked gave up
             self._review()
 
-    def _ready(self, exchange: Exchange[Any], *, marking: bool = False) -> Waits[None]:
+    def _ready(self, exchange: Exchange[Any], *, fencing: bool = False) -> Waits[None]:
         """Wait until nothing stands against sending, and nothing that comes can be mistaken for the answer.
 
         A marker is asked all the same: an older answer to it tells enough.
@@ -326,8 +326,8 @@ class Link:
             yield from self._drain(exchange)
         if (error := self._doubled.pop(exchange.id, None)) is not None:
             raise error
-        if not marking and (suspects := self._doubts.suspects(exchange)):
-            yield from self._mark(exchange, suspects)
+        if not fencing and (confusable := self._late_replies.confusable(exchange)):
+            yield from self._fence(exchange, confusable)
 
     def _send(self, exchange: Exchange[Any], request: bytes) -> None:
         """Send, and work out when to give up."""
@@ -341,8 +341,8 @@ class Link:
         byte_time = BITS_PER_BYTE / transport.baud
         self._clear_at = self._sent_at = max(now, self._clear_at) + len(request) * byte_time
         if exchange.reply is not None:
-            longest = SLOW * (exchange.turnaround + exchange.reply_size * byte_time)
-            self._deadline = self._clear_at + longest + self.latency.patience
+            longest = SLOW * (exchange.max_delay + exchange.reply_size * byte_time)
+            self._deadline = self._clear_at + longest + self.latency.reply_margin
         else:
             # Where nothing answers nobody tells when the adapter has really sent it.
             self._sent_at += transport.latency
@@ -363,7 +363,7 @@ class Link:
             error = None
         counts.checksum += collector.corrupt
         counts.junk += collector.junk
-        older = self._doubts.count(exchange)
+        older = self._late_replies.count(exchange)
         for stranger in collector.strangers:
             self._stray(stranger)
         if packet is not None:
@@ -380,26 +380,26 @@ class Link:
             self._unquiet = self._unquiet or not isinstance(error, NoReply | Refused)
             raise
 
-    def _late(self, exchange: Exchange[Any], packet: Packet, left: float) -> float:
+    def _lateness(self, exchange: Exchange[Any], packet: Packet, left: float) -> float:
         """Tell how much later than its bits allow an answer has come, s, to a request that had left at that time."""
         size = exchange.framing.overhead + len(packet.data)
         return self.transport.now() - left - size * BITS_PER_BYTE / self.transport.baud
 
     def _too_soon(self, exchange: Exchange[Any], packet: Packet) -> bool:
         size = len(exchange.request) + exchange.framing.overhead + len(packet.data)
-        late = self._late(exchange, packet, self._clear_at)
+        late = self._lateness(exchange, packet, self._clear_at)
         return self.latency.impossible(late, size * BITS_PER_BYTE / self.transport.baud)
 
     def _accept(self, exchange: Exchange[Any], packet: Packet, left: float) -> None:
         """Take note of an answer to a request that had left at that time."""
-        now, late = self.transport.now(), self._late(exchange, packet, left)
+        now, late = self.transport.now(), self._lateness(exchange, packet, left)
         counts = self.stats[packet.id]
         counts.received += 1
         counts.worst = max(counts.worst, late)
         self.latency.note(late)
         self._answered = exchange
-        if self._doubts:
-            self._doubts.settle(packet.id, exchange, now)
+        if self._late_replies:
+            self._late_replies.resolve_before(packet.id, exchange, now)
         if exchange.alarms is not None and (exchange.alarms(packet) or self._alarming):
             self._tell_alarms(exchange, packet)
 
@@ -412,44 +412,44 @@ class Link:
 
     # What may still come
 
-    def _lose(self, exchange: Exchange[Any]) -> None:
+    def _missed(self, exchange: Exchange[Any]) -> None:
         """Remember an answer that did not come, and may come late."""
-        self._doubts.lose(exchange, self._clear_at, self.transport.now())
+        self._late_replies.add(exchange, self._clear_at, self.transport.now())
 
-    def _mark(self, exchange: Exchange[Any], suspects: Sequence[Lost]) -> Waits[None]:
+    def _fence(self, exchange: Exchange[Any], confusable: Sequence[MissedReply]) -> Waits[None]:
         """Ask something else, whose answer ends all doubts about what comes late."""
         id = exchange.id
-        patience = self.latency.patience
-        markers = [_strict(marker) for marker in self._markers(exchange.framing, id)] if id != BROADCAST else []
-        for marker in markers:
-            if self._doubts.unclear(marker, suspects):
+        reply_margin = self.latency.reply_margin
+        fences = [_strict(fence) for fence in self._fences(exchange.framing, id)] if id != BROADCAST else []
+        for fence in fences:
+            if self._late_replies.ambiguous(fence, confusable):
                 continue
             try:
-                yield from self._attempt(marker, marking=True)
+                yield from self._attempt(fence, fencing=True)
             except NoReply as error:
-                if self.latency.patience > patience:
-                    patience = self.latency.patience  # what came late has taught us to wait longer
+                if self.latency.reply_margin > reply_margin:
+                    reply_margin = self.latency.reply_margin  # what came late has taught us to wait longer
                     continue
-                if exchange.request == markers[0].request:
+                if exchange.request == fences[0].request:
                     return  # a servo that answers nothing else may still answer this
                 raise NoReply(f"{exchange.what}: no reply", error.heard) from None
             return
         # All of them were asked in vain. Whichever answer to the last of them comes, it comes behind the suspects.
-        for request in self._doubts.behind(id, suspects):
-            if (last := next((marker for marker in markers if marker.request == request), None)) is not None:
+        for request in self._late_replies.later_requests(id, confusable):
+            if (last := next((fence for fence in fences if fence.request == request), None)) is not None:
                 try:
-                    yield from self._attempt(last, marking=True)
+                    yield from self._attempt(last, fencing=True)
                 except NoReply as error:
                     raise NoReply(f"{exchange.what}: no reply", error.heard) from None
                 return
-        if markers and self.transport.now() <= max(old.given_up for old in suspects) + SLOWEST:
+        if fences and self.transport.now() <= max(old.given_up for old in confusable) + SLOWEST:
             raise NoReply(f"{exchange.what}: not asked: an older answer could still come and be taken for this one")
-        self._doubts.forget(id)  # nobody has answered for long: begin anew
+        self._late_replies.forget(id)  # nobody has answered for long: begin anew
 
     def _stray(self, packet: Packet) -> None:
         """Take note of a packet that is no answer to what was asked: a late one, or a stranger's."""
         counts = self.stats[packet.id]
-        old = self._doubts.claim(packet)
+        old = self._late_replies.match(packet)
         if old is None:
             counts.strangers += 1
         else:
@@ -461,7 +461,7 @@ class Link:
         last = self._answered
         for event in (last.framing if last is not None else framing).decode(leftover):
             if isinstance(event, Packet):
-                known = self._doubts.expects(event)
+                known = self._late_replies.expects(event)
                 if last is not None and last.reply is not None and last.reply.fits(event) and not known:
                     self.stats[event.id].doubled += 1
                     collector = Collector(last)
@@ -473,13 +473,13 @@ class Link:
                 self.stats[BROADCAST].junk += len(event.raw)
 
     def _drain(self, exchange: Exchange[Any]) -> Waits[None]:
-        """Listen until the line is quiet. Raises LineBusy if it never is."""
-        gap = min(self.latency.patience, 0.005)
-        give_up = self.transport.now() + 0.25
+        """Receive until the line is quiet. Raises LineBusy if it never is."""
+        gap = min(self.latency.reply_margin, 0.005)
+        abandon = self.transport.now() + 0.25
         heard = bytearray()
-        while chunk := (yield Listen(gap)):
+        while chunk := (yield Receive(gap)):
             heard += chunk
-            if self.transport.now() > give_up:
+            if self.transport.now() > abandon:
                 said = f"{len(heard)} bytes came in 0.25 s although nobody was asked: another master, or noise?"
                 raise LineBusy(f"{exchange.what}: not sent, the line is never quiet: {said}", bytes(heard))
         if heard:
@@ -488,7 +488,7 @@ class Link:
 
     # Several at once
 
-    def _volley(self, volley: Volley) -> Waits[list[Any]]:
+    def _batch(self, volley: Batch) -> Waits[list[Any]]:
         """Ask one after the other; servobus.link.pipeline does better."""
         results = []
         for exchange in volley.exchanges:
@@ -498,14 +498,14 @@ class Link:
     def _caught(self, exchange: Exchange[Any], *, again: bool) -> Waits[Any]:
         """Ask, and give what went wrong instead of raising it."""
         try:
-            return (yield from (self.carry(exchange) if again else self._attempt(exchange)))
+            return (yield from (self.transact(exchange) if again else self._attempt(exchange)))
         except BusError as error:
             return error
 
 
-def _strict(marker: Exchange[Any]) -> Exchange[None]:
+def _strict(fence: Exchange[Any]) -> Exchange[None]:
     """Make a marker of a question: only its full answer counts, for what looks like a refusal may be older."""
-    strict = marker.giving(sent)
+    strict = fence.mapped(ack_only)
     if strict.reply is not None:
         strict.reply = strict.reply.strict()
     return strict

@@ -17,10 +17,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Gathering, Volley
+from servobus.core.exchange import Batch, Exchange, Gathering
 from servobus.core.ids import BROADCAST
 from servobus.errors import BusError, DuplicateId, Garbled, NoReply, Refused
-from servobus.link.link import BITS_PER_BYTE, SLOW, Link, Listen, Waits
+from servobus.link.link import BITS_PER_BYTE, SLOW, Link, Receive, Waits
 
 APART = 0.002
 """s that questions on one wire keep from each other beyond an answer that did not come: assumption, USB adapters send
@@ -43,7 +43,7 @@ ALONE, LONGEST = 200, 20_000
 as many each time that it did not last."""
 
 
-class VolleyLink(Link):
+class PipelinedLink(Link):
     """A link that keeps several questions under way at once."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -59,7 +59,7 @@ class VolleyLink(Link):
         """Questions yet to be answered one after the other."""
         self._span = float(ALONE)
 
-    def _volley(self, volley: Volley) -> Waits[list[Any]]:
+    def _batch(self, volley: Batch) -> Waits[list[Any]]:
         results: list[Any] = []
         rest = volley.exchanges
         while rest:
@@ -70,7 +70,7 @@ class VolleyLink(Link):
                 self._calm(result)
                 results.append(result)
             else:
-                results += yield from self._salvo(some, again=volley.again)
+                results += yield from self._send_batch(some, again=volley.again)
         return results
 
     def _together(self, exchanges: Sequence[Exchange[Any]]) -> int:
@@ -84,13 +84,13 @@ class VolleyLink(Link):
                 or exchange.id == BROADCAST
                 or exchange.id in ids
                 or exchange.framing is not exchanges[0].framing
-                or self._doubts.suspects(exchange)
+                or self._late_replies.confusable(exchange)
             ):
                 break
             ids.add(exchange.id)
         return max(len(ids), 1)
 
-    def _salvo(self, exchanges: Sequence[Exchange[Any]], *, again: bool) -> Waits[list[Any]]:
+    def _send_batch(self, exchanges: Sequence[Exchange[Any]], *, again: bool) -> Waits[list[Any]]:
         """Send several questions without waiting for each answer; ask again singly what did not come through."""
         doubled: dict[int, BusError] = {}
         try:
@@ -112,7 +112,7 @@ class VolleyLink(Link):
         finally:
             for n, exchange in enumerate(exchanges):
                 if not gathering.answered(n):
-                    self._lose(exchange)  # it may still come; even if who asked gave up
+                    self._missed(exchange)  # it may still come; even if who asked gave up
             if gathering.answered(len(exchanges) - 1):
                 self._clear_at = 0.0  # what is answered has left
             self._review()
@@ -156,7 +156,7 @@ class VolleyLink(Link):
         for n, exchange in enumerate(gathering.exchanges):
             if n:
                 last = gathering.exchanges[n - 1]
-                answered = SLOW * (last.usual + last.reply_size * byte_time)
+                answered = SLOW * (last.typical_delay + last.reply_size * byte_time)
                 yield from self._gather(gathering, self._clear_at + answered + APART, left, wanted=n - 1)
                 yield from self._until(self._clear_at)
             self._send(exchange, exchange.request)
@@ -166,14 +166,14 @@ class VolleyLink(Link):
     def _gather(
         self, gathering: Gathering, until: float, left: Sequence[float], wanted: int | None = None
     ) -> Waits[None]:
-        """Listen until this time, or until all answers are here, or the one that is wanted.
+        """Receive until this time, or until all answers are here, or the one that is wanted.
 
         `left` are the times at which the requests have left.
         """
         while not gathering.done and (seconds := until - self.transport.now()) > 0:
             if wanted is not None and gathering.answered(wanted):
                 return
-            for n, packet in gathering.feed((yield Listen(seconds))):
+            for n, packet in gathering.feed((yield Receive(seconds))):
                 self._accept(gathering.exchanges[n], packet, left[n])
 
     # What it teaches
@@ -201,7 +201,7 @@ class VolleyLink(Link):
         for exchange in exchanges:
             gap = self._gaps.get(exchange.id, GAP)
             if exchange.id in met:
-                gap = min(max(2 * gap, least), exchange.turnaround)
+                gap = min(max(2 * gap, least), exchange.max_delay)
             else:
                 gap = max(gap * (SLOWLY if exchange.id in self._collided else FAST), least)
             self._gaps[exchange.id] = gap

@@ -14,7 +14,7 @@ from servobus.core.exchange import Procedure, ask
 from servobus.core.units import deg
 from servobus.core.values import frozen
 from servobus.errors import BadValue
-from servobus.families.base import Target
+from servobus.families.base import ServoRef
 from servobus.families.record import SafeAction
 from servobus.jobs.make_safe import make_safe
 
@@ -100,10 +100,10 @@ class Protection:
 
     def __init__(self, guard: Guard) -> None:
         self.guard = guard
-        self.strength: int | None = None
+        self.output_limit: int | None = None
         """What its strength was before it was halved, raw."""
 
-    def act(self, target: Target, level: Level, action: SafeAction) -> Procedure[None]:
+    def act(self, target: ServoRef, level: Level, action: SafeAction) -> Procedure[None]:
         """Do what the level asks for, and undo what it does not ask for any more."""
         notes = target.notes
         assert notes is not None
@@ -112,44 +112,46 @@ class Protection:
         else:
             yield from self._strengthen(target)
         if level < Level.SAFE:
-            notes.halted = ""
+            notes.inhibited = ""
             return
         why = "it pushed without moving" if self.guard.stalled else f"it reached {self.guard.limit:g} °C"
-        notes.halted = f"{target} is not moved: {why}; protect() allows it again when that is over"
+        notes.inhibited = f"{target} is not moved: {why}; protect() allows it again when that is over"
         if notes.driven:
             yield from make_safe(target, action)
 
-    def _weaken(self, target: Target) -> Procedure[None]:
-        name, notes = target.model.family.strength, target.notes
+    def _weaken(self, target: ServoRef) -> Procedure[None]:
+        name, notes = target.model.family.output_limit, target.notes
         assert notes is not None
         if not name:
-            notes.slow = 0.5
+            notes.speed_factor = 0.5
             return
         row = target.model.register(name)
-        (strength,) = yield from ask(target.model.family.read(target, [row]))
-        if strength > (1 if self.strength is None else self.strength // 2):  # after a restart it has all again
-            yield from target.model.family.write(target, {row: strength // 2})
-            self.strength = strength
+        (limit,) = yield from ask(target.model.family.read(target, [row]))
+        least = 1 if self.output_limit is None else self.output_limit // 2
+        if limit > least:  # after a restart it has all again
+            yield from target.model.family.write(target, {row: limit // 2})
+            self.output_limit = limit
 
-    def _strengthen(self, target: Target) -> Procedure[None]:
+    def _strengthen(self, target: ServoRef) -> Procedure[None]:
         if target.notes is not None:
-            target.notes.slow = 1.0
-        if self.strength is not None:
-            row = target.model.register(target.model.family.strength)
-            (strength,) = yield from ask(target.model.family.read(target, [row]))
-            if strength == self.strength // 2:  # an RX-28 that has shut down has none, and would jump if it got some
-                yield from target.model.family.write(target, {row: self.strength})
-            self.strength = None
+            target.notes.speed_factor = 1.0
+        if self.output_limit is not None:
+            row = target.model.register(target.model.family.output_limit)
+            (limit,) = yield from ask(target.model.family.read(target, [row]))
+            # an RX-28 that has shut down has none, and would jump if it got some
+            if limit == self.output_limit // 2:
+                yield from target.model.family.write(target, {row: self.output_limit})
+            self.output_limit = None
 
 
-def protection(target: Target, thresholds: Thresholds) -> Procedure[Protection]:
+def protection(target: ServoRef, thresholds: Thresholds) -> Procedure[Protection]:
     """Make the protection of a servo: its limit is the one set in it."""
     row = target.model.register("max_temperature")
     (raw,) = yield from ask(target.model.family.read(target, [row]))
     return Protection(Guard(row.decode(raw), thresholds))
 
 
-def protect(target: Target, protection: Protection, now: float, action: SafeAction) -> Procedure[Level]:
+def protect(target: ServoRef, protection: Protection, now: float, action: SafeAction) -> Procedure[Level]:
     """Read the servo, judge it, and act."""
     family = target.model.family
     names = ("present_temperature", "present_position")
@@ -157,7 +159,7 @@ def protect(target: Target, protection: Protection, now: float, action: SafeActi
     temperature, position = yield from ask(family.read(target, rows))
     notes = target.notes
     # Of one that we do not drive, or have stopped, a goal that it never reached says nothing.
-    pushing = notes is not None and notes.driven and not notes.held
+    pushing = notes is not None and notes.driven and not notes.stopped
     push = (yield from family.push(target)) if pushing else 0.0
     level = protection.guard.judge(now, rows[0].decode(temperature), push, rows[1].decode(position))
     yield from protection.act(target, level, action)

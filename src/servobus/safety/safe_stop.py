@@ -17,12 +17,12 @@ from typing import Protocol, TypeVar
 
 from servobus.core.exchange import Procedure, SetBaud
 from servobus.errors import Stopped, UsageError
-from servobus.families.base import Target
-from servobus.families.record import Notes, SafeAction
+from servobus.families.base import ServoRef
+from servobus.families.record import SafeAction, ServoRecord
 from servobus.jobs.make_safe import make_safe
-from servobus.link.blocking import carry_out
+from servobus.link.blocking import run_blocking
 from servobus.link.link import Link
-from servobus.safety.watchdog import Watch
+from servobus.safety.watchdog import Watchdog
 from servobus.transports.base import Transport
 
 ACTIONS: tuple[SafeAction, ...] = ("hold", "free", "brake")
@@ -33,9 +33,9 @@ TERMINATED = 128 + 15
 class Joint(Protocol):
     """What is asked here of a servo."""
 
-    target: Target
+    target: ServoRef
     baud: int
-    notes: Notes
+    notes: ServoRecord
 
     @property
     def safe_action(self) -> SafeAction: ...
@@ -44,7 +44,7 @@ class Joint(Protocol):
 J = TypeVar("J", bound=Joint)
 
 
-def check_safe_action(action: SafeAction, targets: Iterable[Target]) -> SafeAction:
+def check_safe_action(action: SafeAction, targets: Iterable[ServoRef]) -> SafeAction:
     """Give a safe action back. Raises UsageError if it is none, or if one of these servos cannot do it."""
     if action not in ACTIONS:
         raise UsageError(f"{action!r} is no safe action; choose {', '.join(ACTIONS)}")
@@ -54,7 +54,7 @@ def check_safe_action(action: SafeAction, targets: Iterable[Target]) -> SafeActi
     return action
 
 
-class Safeguard(ABC):
+class SafeStop(ABC):
     """What a driver does so that no servo is left alone in motion."""
 
     transport: Transport
@@ -62,7 +62,7 @@ class Safeguard(ABC):
 
     def __init__(self, safe_action: SafeAction | None) -> None:
         self._safe_action = None if safe_action is None else check_safe_action(safe_action, ())
-        self._watch: Watch | None = None
+        self._watch: Watchdog | None = None
         self._watch_action: SafeAction | None = None
         self._ending = False
         """Whether the servos are made safe for good: the port is about to be closed."""
@@ -83,11 +83,11 @@ class Safeguard(ABC):
             joint.notes.safe_action = action
 
     @property
-    def watching(self) -> Watch | None:
+    def watching(self) -> Watchdog | None:
         """The watch that `watch` has begun and nobody has ended; None if there is none."""
         return self._watch
 
-    def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> Watch:
+    def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> Watchdog:
         """Guard streamed motion: make the servos safe if nothing is heard of this program for `timeout` s.
 
         Each command of motion on this bus feeds the watch, waiting for a move does, and `feed()`. If none comes in
@@ -105,7 +105,7 @@ class Safeguard(ABC):
         if action is not None:
             check_safe_action(action, [joint.target for joint in self._joints()])
         self._watch_action = action
-        self._watch = Watch(timeout, self._watch_tripped, self._drives, ended=self._watch_ended)
+        self._watch = Watchdog(timeout, self._watch_tripped, self._drives, ended=self._watch_ended)
         return self._watch
 
     def make_safe(self, action: SafeAction | None = None, *, interrupt: bool = False) -> None:
@@ -123,7 +123,7 @@ class Safeguard(ABC):
         """Give the known servos."""
 
     @abstractmethod
-    def _seized(self, *, interrupt: bool) -> AbstractContextManager[Link]:
+    def _take_over(self, *, interrupt: bool) -> AbstractContextManager[Link]:
         """Have the line: wait for whoever uses it, then interrupt him, then go ahead all the same."""
 
     # What it does
@@ -138,12 +138,12 @@ class Safeguard(ABC):
         with self._making_safe, _undisturbed():
             if not any(joint.notes.driven for joint in joints):
                 return
-            with self._seized(interrupt=interrupt) as link:
+            with self._take_over(interrupt=interrupt) as link:
                 for joint in (*joints, *joints):  # what interrupted us may have left the line in disorder
                     if not joint.notes.driven:
                         continue
                     try:
-                        carry_out(link, link.run(_safe(joint, action)))
+                        run_blocking(link, link.run(_safe(joint, action)))
                     except Exception as error:  # noqa: BLE001 - whatever it is, the next servo must have its turn
                         failed[str(joint.target)] = error
                     else:
@@ -163,7 +163,7 @@ class Safeguard(ABC):
         if self.transport.blocking():  # servos on a virtual clock end with this process
             _arm(self)
 
-    def _attended(self) -> None:
+    def _kept_alive(self) -> None:
         """Hear that the program is alive and cares for what it moves. Raises Stopped if nothing is to move."""
         if self._ending:
             raise Stopped(f"{self.transport.name}: the bus is being closed and its servos were made safe")
@@ -230,13 +230,13 @@ def _undisturbed() -> Iterator[None]:
 
 # The end of the program
 
-_armed: set[Safeguard] = set()
+_armed: set[SafeStop] = set()
 """Buses that have set something in motion and are open."""
 _owner = 0
 """Process that did so: a fork of it has no servos."""
 
 
-def _arm(bus: Safeguard) -> None:
+def _arm(bus: SafeStop) -> None:
     """Have the servos of this bus made safe when the program ends, unless the bus is closed before."""
     global _owner  # noqa: PLW0603 - it belongs to the process
     if bus in _armed:
@@ -250,7 +250,7 @@ def _arm(bus: Safeguard) -> None:
         signal.signal(signal.SIGTERM, _terminate)
 
 
-def _disarm(bus: Safeguard) -> None:
+def _disarm(bus: SafeStop) -> None:
     _armed.discard(bus)
     if (
         not _armed

@@ -19,7 +19,7 @@ def awake() -> float:
     return time.monotonic() if _CLOCK is None else time.clock_gettime(_CLOCK)
 
 
-class Watch:
+class Watchdog:
     """Runs `act` once if it is not fed for `timeout` s while something is `driven`; see `Bus.watch`.
 
     `tripped` tells that it came to that. Then `check` raises Stopped until `reset` or `stop`. Threads may share it.

@@ -45,7 +45,7 @@ class Trouble(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class TrafficEvent:
     """One thing that was seen on the line.
 
     time     s: when its first byte was carried or heard; of a silence, when the wait was over
@@ -66,7 +66,7 @@ class Sight:
 
 
 @dataclass(slots=True)
-class Tally:
+class ServoTraffic:
     """What one servo did; id 254 stands for requests to all."""
 
     family: Family

@@ -18,7 +18,7 @@ from servobus.core.framing import Corrupt, Event, Noise, Packet
 from servobus.families.base import Family, Model, Question
 from servobus.families.explain import addressed, servo, show_bytes
 from servobus.families.registry import FAMILIES, MODELS
-from servobus.traffic.events import GRAIN, Kind, Sight, Tally, Trouble
+from servobus.traffic.events import GRAIN, Kind, ServoTraffic, TrafficEvent, Trouble
 from servobus.traffic.recording import DIGITS, Chunk, Direction, End, Entry, Speed
 from servobus.traffic.streams import Mark, Stream, best, clearest, first_model, good
 
@@ -98,7 +98,7 @@ class Tracker:
         """A question whose answer was the same as itself, and may have been its echo."""
         self._obeys: set[tuple[str, int]] = set()
         """Servos that answered the last command."""
-        self._tallies: dict[tuple[str, int], Tally] = {}
+        self._tallies: dict[tuple[str, int], ServoTraffic] = {}
         self.junk = 0
         """Bytes that were no packet."""
         self.corrupt = 0
@@ -114,11 +114,11 @@ class Tracker:
         return self._family
 
     @property
-    def tallies(self) -> list[Tally]:
+    def servos(self) -> list[ServoTraffic]:
         """What each servo did, in the order of families and ids."""
         return [self._tallies[key] for key in sorted(self._tallies)]
 
-    def feed(self, entry: Entry) -> list[Sight]:
+    def feed(self, entry: Entry) -> list[TrafficEvent]:
         """Take in what was carried or heard, in the order of time."""
         seen = self.pass_time(entry.time)
         if isinstance(entry, End):
@@ -126,13 +126,13 @@ class Tracker:
         if isinstance(entry, Speed):
             self._baud = entry.baud
             text = f"the line is at {entry.baud} baud from here on"
-            return [*seen, Sight(entry.time, Direction.UNKNOWN, Kind.SPEED, text)]
+            return [*seen, TrafficEvent(entry.time, Direction.UNKNOWN, Kind.SPEED, text)]
         return seen + self._take(entry)
 
-    def pass_time(self, now: float) -> list[Sight]:
+    def pass_time(self, now: float) -> list[TrafficEvent]:
         """Say that nothing more came before `now`: what is incomplete stays so, who has not answered will not."""
         now = round(now, DIGITS)
-        seen: list[Sight] = []
+        seen: list[TrafficEvent] = []
         while (due := self._next_due()) is not None and due[0] <= now:
             moment, what = due
             if isinstance(what, _Open):
@@ -144,7 +144,7 @@ class Tracker:
         self.time = max(self.time, now)
         return seen
 
-    def finish(self) -> list[Sight]:
+    def finish(self) -> list[TrafficEvent]:
         """Say that this was all. Who was asked last and may still have answered counts neither way."""
         seen = self._decide_anyhow() if self._held else []
         for stream in self._streams.values():
@@ -162,7 +162,7 @@ class Tracker:
 
     # Whose bytes these are
 
-    def _take(self, chunk: Chunk) -> list[Sight]:
+    def _take(self, chunk: Chunk) -> list[TrafficEvent]:
         if not self._found_out:
             assert self._family is not None
             return self._feed(self._family, chunk)
@@ -180,12 +180,12 @@ class Tracker:
                 return seen + self._feed(other, chunk)
         return self._feed(self._family, chunk)
 
-    def _decide(self, family: Family) -> list[Sight]:
+    def _decide(self, family: Family) -> list[TrafficEvent]:
         self._family = family
         held, self._held = self._held, []
         return [one for chunk in held for one in self._feed(family, chunk)]
 
-    def _decide_anyhow(self) -> list[Sight]:
+    def _decide_anyhow(self) -> list[TrafficEvent]:
         family = best(self._held)
         if family is not None:
             return self._decide(family)
@@ -193,8 +193,8 @@ class Tracker:
         self.junk += sum(len(chunk.data) for chunk in held)
         return [_junk(chunk.time, chunk.direction, chunk.data, None) for chunk in held]
 
-    def _feed(self, family: Family, chunk: Chunk) -> list[Sight]:
-        seen: list[Sight] = []
+    def _feed(self, family: Family, chunk: Chunk) -> list[TrafficEvent]:
+        seen: list[TrafficEvent] = []
         wire = chunk.time
         if chunk.direction is Direction.OUT:
             wire = max(chunk.time, self._busy)
@@ -220,7 +220,7 @@ class Tracker:
 
     # What they say
 
-    def _sort(self, stream: Stream, placed: Sequence[tuple[int, bytes, Event]]) -> Iterator[Sight]:
+    def _sort(self, stream: Stream, placed: Sequence[tuple[int, bytes, Event]]) -> Iterator[TrafficEvent]:
         for n, (start, raw, event) in enumerate(placed):
             first, last = stream.at(start), stream.at(start + len(raw) - 1)
             match event:
@@ -243,20 +243,20 @@ class Tracker:
 
     def _probe(
         self, stream: Stream, raw: bytes, first: Mark, behind: Sequence[tuple[int, bytes, Event]]
-    ) -> Sight | None:
+    ) -> TrafficEvent | None:
         """See the byte that a driver sends before a request to find out about an echo, or that byte's echo."""
         if raw != PROBE:
             return None
         family, direction, time = stream.family, stream.direction, first.time
         if direction is Direction.IN and time < self._probed:
             self._probed = 0.0
-            return Sight(time, direction, Kind.ECHO, "echo of the probe", family, None, raw)
+            return TrafficEvent(time, direction, Kind.ECHO, "echo of the probe", family, None, raw)
         if direction is not Direction.IN and behind:
             request = behind[0][2]
             if isinstance(request, Packet) and self._is_request(stream, request):
                 self._probed = time + PATIENCE
                 text = "probe: servos skip this byte, an echo brings it back"
-                return Sight(time, direction, Kind.PROBE, text, family, None, raw)
+                return TrafficEvent(time, direction, Kind.PROBE, text, family, None, raw)
         return None
 
     def _begun(self, stream: Stream, raw: bytes) -> _Open | None:
@@ -265,13 +265,13 @@ class Tracker:
             return None
         return next((one for one in self._open if one.family is stream.family and one.begins(raw)), None)
 
-    def _cut(self, asked: _Open, stream: Stream, raw: bytes, first: Mark) -> Sight:
+    def _cut(self, asked: _Open, stream: Stream, raw: bytes, first: Mark) -> TrafficEvent:
         asked.spoiled = True
         id = asked.packet.id
         self._tally(stream.family, id).corrupt += 1
         self.cut_short += 1
         text = f"CUT SHORT: the answer of {servo(id)} begins so, and a byte or more of it is lost"
-        return Sight(first.time, stream.direction, Kind.CORRUPT, text, stream.family, id, raw, None, Trouble.CUT)
+        return TrafficEvent(first.time, stream.direction, Kind.CORRUPT, text, stream.family, id, raw, None, Trouble.CUT)
 
     def _is_request(self, stream: Stream, packet: Packet) -> bool:
         """Tell a request from an answer; where nobody says who sent it, by what was asked before."""
@@ -287,7 +287,7 @@ class Tracker:
 
     def _request(
         self, stream: Stream, packet: Packet, raw: bytes, first: Mark, last: Mark, end: float
-    ) -> Iterator[Sight]:
+    ) -> Iterator[TrafficEvent]:
         family = stream.family
         for one in list(self._open):
             # Nobody asks on while he still waits, unless the line has two lanes and it is somebody else's turn.
@@ -311,14 +311,14 @@ class Tracker:
             size = family.framing.overhead + max(question.reply.sizes)
             deadline = end + PATIENCE + self._wire_time(size)
             self._open.append(_Open(family, packet, question, text, end, last.time, expected, deadline))
-        yield Sight(first.time, stream.direction, Kind.REQUEST, text, family, packet.id, raw)
+        yield TrafficEvent(first.time, stream.direction, Kind.REQUEST, text, family, packet.id, raw)
 
-    def _answer(self, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> Sight:
+    def _answer(self, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
         family, time = stream.family, first.time
         asked = self._answered_by(family, packet)
         if stream.direction is Direction.IN and self._is_echo(packet, asked, time):
             text = "echo of the request"
-            return Sight(time, stream.direction, Kind.ECHO, text, family, packet.id, raw)
+            return TrafficEvent(time, stream.direction, Kind.ECHO, text, family, packet.id, raw)
         tally = self._tally(family, packet.id)
         if asked is not None:
             self._open.remove(asked)
@@ -337,16 +337,16 @@ class Tracker:
             return self._answer_to(doubt, stream, packet, raw, first)
         trouble, text = self._misplaced(family, packet, time)
         tally.other += 1
-        return Sight(time, stream.direction, Kind.ANSWER, text, family, packet.id, raw, None, trouble)
+        return TrafficEvent(time, stream.direction, Kind.ANSWER, text, family, packet.id, raw, None, trouble)
 
-    def _answer_to(self, asked: _Open, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> Sight:
+    def _answer_to(self, asked: _Open, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
         family = stream.family
         latency = None
         if first.time > asked.mark:  # of two that came in one piece nobody knows
             latency = max(first.time - asked.end, 0.0)
             self._tally(family, packet.id).latencies[round(latency / GRAIN)] += 1
         text = self._say(family, packet, asked.packet)
-        return Sight(first.time, stream.direction, Kind.ANSWER, text, family, packet.id, raw, latency)
+        return TrafficEvent(first.time, stream.direction, Kind.ANSWER, text, family, packet.id, raw, latency)
 
     def _is_echo(self, packet: Packet, asked: _Open | None, time: float) -> bool:
         """Tell whether this is what was sent. Some requests look like their own answers (Dynamixel PING)."""
@@ -377,7 +377,7 @@ class Tracker:
         self._tally(family, packet.id).failed += 1
         return Trouble.MISFIT, f"DOES NOT FIT the question: {said}"
 
-    def _corrupt(self, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> Sight:
+    def _corrupt(self, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
         family = stream.family
         asked = None
         if stream.direction is not Direction.OUT:
@@ -391,9 +391,9 @@ class Tracker:
         self.corrupt += 1
         said = self._say(family, packet, asked.packet if asked else None)
         text = f"CHECKSUM WRONG: would be {said}"
-        return Sight(first.time, stream.direction, Kind.CORRUPT, text, family, id, raw, None, Trouble.CHECKSUM)
+        return TrafficEvent(first.time, stream.direction, Kind.CORRUPT, text, family, id, raw, None, Trouble.CHECKSUM)
 
-    def _give_up(self, asked: _Open, time: float) -> Iterator[Sight]:
+    def _give_up(self, asked: _Open, time: float) -> Iterator[TrafficEvent]:
         """End the wait for an answer."""
         self._open.remove(asked)
         self._overdue.append(asked)
@@ -407,15 +407,15 @@ class Tracker:
             self._obeys.discard((asked.family.name, asked.packet.id))
             text = f"NO ANSWER to {asked.text}"
             id = asked.packet.id
-            yield Sight(time, Direction.IN, Kind.SILENCE, text, asked.family, id, b"", None, Trouble.SILENT)
+            yield TrafficEvent(time, Direction.IN, Kind.SILENCE, text, asked.family, id, b"", None, Trouble.SILENT)
 
     def _say(self, family: Family, packet: Packet, request: Packet | None) -> str:
         return _explained(family, packet, request, (self._model or first_model(family)).key())
 
-    def _tally(self, family: Family, id: int) -> Tally:
+    def _tally(self, family: Family, id: int) -> ServoTraffic:
         key = family.name, id
         if key not in self._tallies:
-            self._tallies[key] = Tally(family, id)
+            self._tallies[key] = ServoTraffic(family, id)
         return self._tallies[key]
 
 
@@ -424,6 +424,6 @@ def _explained(family: Family, packet: Packet, request: Packet | None, model: st
     return family.explain(packet, request, MODELS[model])
 
 
-def _junk(time: float, direction: Direction, raw: bytes, family: Family | None) -> Sight:
+def _junk(time: float, direction: Direction, raw: bytes, family: Family | None) -> TrafficEvent:
     text = f"JUNK: {len(raw)} bytes that are no packet" if len(raw) > 1 else "JUNK: a byte that is no packet"
-    return Sight(time, direction, Kind.NOISE, text, family, None, raw, None, Trouble.JUNK)
+    return TrafficEvent(time, direction, Kind.NOISE, text, family, None, raw, None, Trouble.JUNK)

@@ -8,13 +8,13 @@ import pytest
 from servobus import RX28, NoReply, TorqueOff, deg
 from servobus.bus.asyncio import AsyncBus
 from servobus.transports.base import Transport
-from unit.bus.test_blocking import ANSWER, OK, TEMPERATURE, stance
+from unit.bus.test_blocking import ANSWER, OK, TEMPERATURE, motion_status
 from unit.scripted import Scripted
 
 
 def test_read_write_and_torque() -> None:
     async def main() -> None:
-        port = Scripted(ANSWER, stance(0, 512), OK, OK, OK)
+        port = Scripted(ANSWER, motion_status(0, 512), OK, OK, OK)
         async with AsyncBus(port, echo=False) as bus:
             elbow = bus.attach(RX28, 1)
             assert await elbow.read(RX28.present_temperature) == 32.0
@@ -28,7 +28,7 @@ def test_read_write_and_torque() -> None:
 
 def test_move_starts_when_awaited() -> None:
     async def main() -> None:
-        port = Scripted(stance(0, 512))
+        port = Scripted(motion_status(0, 512))
         bus = AsyncBus(port, echo=False)
         move = bus.attach(RX28, 1).move(90 * deg)
         assert port.requests == []

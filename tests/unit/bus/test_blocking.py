@@ -199,7 +199,7 @@ def test_unknown_servo_names_the_remedy() -> None:
 STANCE = "FF FF 01 04 02 06 20 D2"  # read 6..37: limits, torque enable, present position
 
 
-def stance(torque: int, position: int) -> str:
+def motion_status(torque: int, position: int) -> str:
     """Answer to STANCE: limits 0..1023, position little-endian at 36."""
     data = bytearray(32)
     data[2:4] = (1023).to_bytes(2, "little")
@@ -210,7 +210,7 @@ def stance(torque: int, position: int) -> str:
 
 
 def test_move_needs_torque() -> None:
-    bus, port = bus_with(stance(0, 512))
+    bus, port = bus_with(motion_status(0, 512))
     with pytest.raises(TorqueOff):
         bus.attach(RX28, 1).move(90 * deg)
     assert port.requests == [STANCE]
@@ -218,14 +218,14 @@ def test_move_needs_torque() -> None:
 
 def test_move_writes_goal_and_speed_in_one_packet() -> None:
     # From 512 (150.147°) to 307 (90.029°) at 60°/s = 10 rpm = 90 units of 0.111 rpm.
-    bus, port = bus_with(stance(1, 512), OK)
+    bus, port = bus_with(motion_status(1, 512), OK)
     move = bus.attach(RX28, 1).move(90 * deg, speed=60 * deg)
     assert port.requests == [STANCE, "FF FF 01 07 03 1E 33 01 5A 00 48"]
     assert move.duration == pytest.approx((512 - 307) * 300 / 1023 / 60)
 
 
 def test_torque_sets_the_goal_first_and_goes_off_even_after_an_error() -> None:
-    bus, port = bus_with(stance(0, 512), OK, OK, OK)
+    bus, port = bus_with(motion_status(0, 512), OK, OK, OK)
     with pytest.raises(KeyError, match="boom"), bus.attach(RX28, 1).torque():
         raise KeyError("boom")
     assert port.requests == [

@@ -6,14 +6,14 @@ import pytest
 
 from servobus import BadValue, Bus, UsageError
 from servobus.bus.asyncio import AsyncBus
-from servobus.bus.rate import Pace, Tick
+from servobus.bus.rate import Rate, Tick
 from unit.scripted import Scripted
 
 
-def turns(busy: list[float], period: float = 0.01) -> tuple[list[tuple[float, Tick]], Pace]:
+def turns(busy: list[float], period: float = 0.01) -> tuple[list[tuple[float, Tick]], Rate]:
     """Let a loop spend these times in its turns; give when each began, and what it was told."""
     port = Scripted()
-    pace = Pace(Bus(port, echo=False), port, period)
+    pace = Rate(Bus(port, echo=False), port, period)
     seen: list[tuple[float, Tick]] = []
     for tick in pace:
         seen.append((port.now(), tick))
@@ -51,7 +51,7 @@ def test_a_turn_late_by_more_than_half_a_period_is_left_out(busy: float, begins:
 def test_async() -> None:
     async def main() -> None:
         port = Scripted()
-        pace = Pace(AsyncBus(port, echo=False), port, 0.01)
+        pace = Rate(AsyncBus(port, echo=False), port, 0.01)
         times = []
         async for tick in pace:
             times.append(port.now())
@@ -68,4 +68,4 @@ def test_async() -> None:
 def test_what_is_no_period(period: float) -> None:
     port = Scripted()
     with pytest.raises(BadValue):
-        Pace(Bus(port, echo=False), port, period)
+        Rate(Bus(port, echo=False), port, period)

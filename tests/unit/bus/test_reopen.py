@@ -11,10 +11,10 @@ import pytest
 
 import servobus
 from servobus import LX16A, MODELS, RX28, PortError, PortLost, Restarted, TorqueOff, UsageError, deg
-from servobus.bus.base import Reunion
+from servobus.bus.base import ReconnectReport
 from servobus.families.base import Answers
 from servobus.virtual.serve.inprocess import VirtualPort
-from servobus.virtual.serve.rig import open_drawer
+from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import parse_url
 from unit.lossy import ASYNC, SYNC
 from unit.served import PATIENCE, wait_for
@@ -48,7 +48,7 @@ class Port:
         return lambda bus: job(bus[number])
 
     def know(self, *ids: int) -> None:
-        for servo in self.line.drawer.servos:
+        for servo in self.line.rig.servos:
             if servo.id in ids:
                 self.bus.attach(servo.model, servo.id)
 
@@ -72,7 +72,7 @@ def test_after_reopening_everybody_is_there_and_answers(driver: str, kind: str) 
     port.know(1, 2, 3, 4)
     before = port.do(lambda bus: bus.read_all("present_position"))
     port.lose(kind)
-    assert port.do(lambda bus: bus.reopen()) == Reunion(present=(1, 2, 3, 4), missing=(), restarted=())
+    assert port.do(lambda bus: bus.reopen()) == ReconnectReport(present=(1, 2, 3, 4), missing=(), restarted=())
     assert port.do(lambda bus: bus.read_all("present_position")) == before
 
 
@@ -89,7 +89,7 @@ def test_who_is_missing_and_who_restarted_is_told(driver: str) -> None:
         servo.power_off()
         servo.power_on(port.line.now())
     port.line.sleep(0.1)
-    assert port.do(lambda bus: bus.reopen()) == Reunion(present=(1, 3, 4), missing=(2,), restarted=(1, 3))
+    assert port.do(lambda bus: bus.reopen()) == ReconnectReport(present=(1, 3, 4), missing=(2,), restarted=(1, 3))
     assert [port.bus[id].restarted for id in (1, 2, 3, 4)] == [True, False, True, False]
     for number in (1, 3):
         with pytest.raises(TorqueOff):
@@ -106,7 +106,7 @@ def test_one_that_answers_a_ping_and_then_no_more_is_missing(driver: str) -> Non
     port.do(lambda bus: bus[1].torque_on())
     port.lose()
     port.line.inject("mute#2-")
-    assert port.do(lambda bus: bus.reopen()) == Reunion(present=(), missing=(1,), restarted=())
+    assert port.do(lambda bus: bus.reopen()) == ReconnectReport(present=(), missing=(1,), restarted=())
 
 
 @DRIVERS
@@ -119,8 +119,8 @@ def test_an_answer_of_the_old_port_is_none_on_the_new_one(driver: str) -> None:
     old = port.bus.link
     sent = port.bus.stats.total.sent
     port.lose()
-    assert old._doubts
-    port.line.drawer.lines[0].echo = True
+    assert old._late_replies
+    port.line.rig.lines[0].echo = True
     port.do(lambda bus: bus.reopen())
     assert port.bus.echo is True
     assert port.bus.link is not old
@@ -168,10 +168,10 @@ class TestSerial:
     def run(tmp_path: Path, job: Callable[[str], None], spec: str = "lx16a@1,2") -> None:
         from servobus.virtual.serve.ports import PtyPort  # noqa: PLC0415 - there is none on Windows
 
-        drawer = open_drawer(parse_url(f"virtual:{spec}"))
-        drawer.inject("gone#12:0.3s", 0.0)
+        rig = build_rig(parse_url(f"virtual:{spec}"))
+        rig.inject("gone#12:0.3s", 0.0)
         stop = threading.Event()
-        with PtyPort(drawer, tmp_path / "arm") as port:
+        with PtyPort(rig, tmp_path / "arm") as port:
             server = threading.Thread(target=port.serve, args=[stop], daemon=True)
             server.start()
             try:
@@ -188,7 +188,7 @@ class TestSerial:
                 with pytest.raises(PortLost):
                     for _ in range(20):
                         servos[1].ping()
-                reunion: list[Reunion] = []
+                reunion: list[ReconnectReport] = []
 
                 def back() -> bool:
                     try:
@@ -198,7 +198,7 @@ class TestSerial:
                     return True
 
                 wait_for(back)
-                assert reunion[0] == Reunion((1, 2), (), ())
+                assert reunion[0] == ReconnectReport((1, 2), (), ())
                 servos[0].start_move(100 * deg, time=1.0)
 
         self.run(tmp_path, job)
@@ -218,7 +218,7 @@ class TestSerial:
                         await asyncio.sleep(0.01)
                     else:
                         break
-                assert reunion == Reunion((1, 2), (), ())
+                assert reunion == ReconnectReport((1, 2), (), ())
                 await servos[0].start_move(100 * deg, time=1.0)
                 await asyncio.gather(*(servo.look() for servo in servos * 5))
 

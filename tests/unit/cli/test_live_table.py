@@ -13,22 +13,22 @@ from rich.console import Console
 import servobus
 from servobus.cli.live_table import Show, light, picture
 from servobus.families.registry import RX28
-from servobus.virtual.device.snapshot import Glance
+from servobus.virtual.device.snapshot import VirtualSnapshot
 from servobus.virtual.serve.ports import TcpPort
-from servobus.virtual.serve.rig import open_drawer
+from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import Setup, parse_specs
 
-STALLED = Glance(
+STALLED = VirtualSnapshot(
     title="DRS-0602", family="HerkuleX", id=219, powered=True, angle=-2.789, speed=-6.4, duty=-1.0, current=-3.48,
     temperature=104.4, voltage=13.05, torque=True, led="red+blue", errors=("over load", "temperature"),
 )  # fmt: skip
-FREE = Glance(
+FREE = VirtualSnapshot(
     title="LX-16A", family="LewanSoul", id=1, powered=True, angle=2.0944, speed=-0.0, duty=None, current=-0.0,
     temperature=25.0, voltage=7.4, torque=False, led="off", errors=(),
 )  # fmt: skip
 
 
-def drawn(*servos: Glance, colour: bool = False, **options: object) -> str:
+def drawn(*servos: VirtualSnapshot, colour: bool = False, **options: object) -> str:
     console = Console(file=io.StringIO(), width=80, force_terminal=colour, color_system="standard" if colour else None)
     console.print(picture(servos, **options))  # type: ignore[arg-type]
     assert isinstance(console.file, io.StringIO)
@@ -61,10 +61,10 @@ def test_lights_have_their_colour(led: str, colour: str) -> None:
 
 
 def test_looking_does_not_make_the_bus_wait(monkeypatch: pytest.MonkeyPatch) -> None:
-    drawer = open_drawer(Setup(parse_specs("lx16a@1-200")))
+    rig = build_rig(Setup(parse_specs("lx16a@1-200")))
     stop = threading.Event()
-    show = Show(drawer, stop)
-    seen: list[Glance] = []
+    show = Show(rig, stop)
+    seen: list[VirtualSnapshot] = []
     looker = threading.Thread(target=lambda: seen.extend(show.look()))
     looker.start()
     longest, now, deadline = 0.0, 0.0, time.monotonic() + 10
@@ -72,7 +72,7 @@ def test_looking_does_not_make_the_bus_wait(monkeypatch: pytest.MonkeyPatch) -> 
         assert time.monotonic() < deadline
         now += 0.001
         started = time.process_time()
-        drawer.receive(now)
+        rig.receive(now)
         longest = max(longest, time.process_time() - started)
         time.sleep(0)
     assert [one.id for one in seen] == list(range(1, 201))
@@ -82,11 +82,11 @@ def test_looking_does_not_make_the_bus_wait(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_the_table_lives_while_a_client_is_served() -> None:
-    drawer = open_drawer(Setup(parse_specs("rx28@1-3")))
+    rig = build_rig(Setup(parse_specs("rx28@1-3")))
     stop = threading.Event()
     screen = Console(file=io.StringIO(), width=80, height=24, force_terminal=True)
-    show = Show(drawer, stop, screen)
-    with TcpPort(drawer) as port:
+    show = Show(rig, stop, screen)
+    with TcpPort(rig) as port:
         server = threading.Thread(target=port.serve, args=[stop])
         server.start()
         show.start(port.name)

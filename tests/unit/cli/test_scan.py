@@ -7,7 +7,7 @@ import pytest
 from servobus import RX28, Garbled
 from servobus.core.exchange import Pause, Procedure
 from servobus.families.base import Family
-from servobus.jobs.scan import Survey, Trouble, _met
+from servobus.jobs.scan import ScanProblem, ScanResult, _met
 from unit.cli.conftest import ALL, LX, RX, Run
 
 
@@ -54,7 +54,7 @@ def test_a_speed_that_no_family_has_is_noted_and_tried(run: Run) -> None:
         "no usual speed of lewansoul servos"
         in run("scan", LX, "--ids", "1", "--family", "lewansoul", "--baud", 1000000).stderr
     )
-    assert "usual" not in run("scan", RX, "--ids", "1", "--baud", 1000000).stderr
+    assert "typical_delay" not in run("scan", RX, "--ids", "1", "--baud", 1000000).stderr
 
 
 def test_a_silent_port(run: Run) -> None:
@@ -64,11 +64,11 @@ def test_a_silent_port(run: Run) -> None:
 
 
 def test_what_answers_without_sense_is_reported(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    def garbled(families: list[Family], *rest: object) -> Procedure[Survey]:
+    def garbled(families: list[Family], *rest: object) -> Procedure[ScanResult]:
         yield Pause(0)
         survey = rest[-1]
-        assert isinstance(survey, Survey)
-        survey.troubles.append(Trouble(families[0], 3, 57600, Garbled("PING id 3: 2 bytes that are no packet")))
+        assert isinstance(survey, ScanResult)
+        survey.troubles.append(ScanProblem(families[0], 3, 57600, Garbled("PING id 3: 2 bytes that are no packet")))
         return survey
 
     monkeypatch.setattr("servobus.cli.scan.scan_procedure", garbled)
@@ -90,7 +90,7 @@ def test_what_was_found_before_ctrl_c_is_told(run: Run, monkeypatch: pytest.Monk
             raise KeyboardInterrupt
         return find(family, id, *rest)
 
-    monkeypatch.setattr("servobus.jobs._met", interrupted)
+    monkeypatch.setattr("servobus.jobs.scan._met", interrupted)
     result = run("scan", RX, "--family", "dynamixel", "--json")
     assert [one["id"] for one in json.loads(result.stdout)] == [1]
     assert "stopped; this is what was found so far" in result.stderr

@@ -10,29 +10,29 @@ import pytest
 from servobus import deg
 from servobus.cli.virtual_console import HELP, VirtualConsole, describe, listen
 from servobus.virtual.physics.motor import Load
-from servobus.virtual.serve.rig import Drawer, open_drawer
+from servobus.virtual.serve.rig import Rig, build_rig
 from servobus.virtual.serve.spec import Setup, parse_specs
 
 posix = pytest.mark.skipif(os.name != "posix", reason="pseudo terminals and pipes as on POSIX")
 
 
 class Desk:
-    """A drawer and a console for it; the clock is at 1 s."""
+    """A rig and a console for it; the clock is at 1 s."""
 
     def __init__(self, specs: str = "rx28@1-3,lx16a@1") -> None:
-        self.drawer: Drawer = open_drawer(Setup(parse_specs(specs)))
+        self.rig: Rig = build_rig(Setup(parse_specs(specs)))
         self.said: list[str] = []
-        self.console = VirtualConsole(self.drawer, self.said.append)
+        self.console = VirtualConsole(self.rig, self.said.append)
 
     def type(self, line: str) -> str:
         self.console.take(line)
-        assert self.drawer.receive(1.0) == b""
+        assert self.rig.receive(1.0) == b""
         return self.said[-1]
 
 
 def test_loads() -> None:
     desk = Desk()
-    first, second, third, small = desk.drawer.servos
+    first, second, third, small = desk.rig.servos
     assert desk.type("load 2 mass=0.2 length=0.1") == "RX-28 id 2: load mass 0.2 kg, length 0.1 m"
     assert second.shaft.load == Load(mass=0.2, length=0.1)
     assert desk.type("load 2 torque=-0.5,down=90") == (
@@ -50,7 +50,7 @@ def describe_of(load: Load) -> str:
 
 def test_whom_it_is_about() -> None:
     desk = Desk()
-    first, second, third, small = desk.drawer.servos
+    first, second, third, small = desk.rig.servos
     desk.type("block 1")
     assert [one.shaft.load.blocked for one in (first, second, third, small)] == [1, 0, 0, 1]
     desk.type("release rx28@1")
@@ -64,11 +64,11 @@ def test_whom_it_is_about() -> None:
 def test_what_surrounds_them() -> None:
     desk = Desk()
     assert desk.type("voltage 11") == "4 servos: supply 11.0 V"
-    assert {one.voltage for one in desk.drawer.servos} == {11.0}
+    assert {one.voltage for one in desk.rig.servos} == {11.0}
     assert desk.type("temperature 3 80C") == "RX-28 id 3: 80 °C"
-    assert [one.temperature for one in desk.drawer.servos] == [25.0, 25.0, 80.0, 25.0]
+    assert [one.temperature for one in desk.rig.servos] == [25.0, 25.0, 80.0, 25.0]
     assert desk.type("turn lx16a@1 60") == "LX-16A id 1: at 60.0°"
-    assert desk.drawer.servos[3].position == 60 * deg
+    assert desk.rig.servos[3].position == 60 * deg
     assert desk.type("help") == HELP
 
 
@@ -94,36 +94,36 @@ def test_what_surrounds_them() -> None:
 )
 def test_what_makes_no_sense_is_said_and_changes_nothing(line: str, because: str) -> None:
     desk = Desk()
-    before = [(one.shaft.load, one.voltage, one.temperature) for one in desk.drawer.servos]
+    before = [(one.shaft.load, one.voltage, one.temperature) for one in desk.rig.servos]
     said = desk.type(line)
     assert said.startswith(f"{line}: ")
     assert because in said
-    assert [(one.shaft.load, one.voltage, one.temperature) for one in desk.drawer.servos] == before
+    assert [(one.shaft.load, one.voltage, one.temperature) for one in desk.rig.servos] == before
 
 
 def test_empty_lines_are_nothing() -> None:
     desk = Desk()
     desk.console.take("   ")
-    desk.drawer.receive(1.0)
+    desk.rig.receive(1.0)
     assert desk.said == []
 
 
 def test_a_held_shaft_cannot_be_turned() -> None:
     desk = Desk("lx16a@1")
-    desk.drawer.servos[0].memory[desk.drawer.servos[0].row("torque_enable")] = 1
-    desk.drawer.advance(0.5)
+    desk.rig.servos[0].memory[desk.rig.servos[0].row("torque_enable")] = 1
+    desk.rig.advance(0.5)
     assert "holds its shaft" in desk.type("turn 1 10")
 
 
 def test_things_happen_at_the_time_of_the_bus() -> None:
     desk = Desk("lx16a@1")
-    (servo,) = desk.drawer.servos
+    (servo,) = desk.rig.servos
     desk.console.take("voltage 5")
     assert servo.time == 0.0
-    assert desk.drawer.next_look(0.0) == float("-inf")  # whoever serves comes at once
-    desk.drawer.receive(2.5)
+    assert desk.rig.next_look(0.0) == float("-inf")  # whoever serves comes at once
+    desk.rig.receive(2.5)
     assert servo.time == 2.5
-    assert desk.drawer.next_look(0.0) is None
+    assert desk.rig.next_look(0.0) is None
 
 
 @posix
@@ -136,15 +136,15 @@ def test_lines_come_from_standard_input(monkeypatch: pytest.MonkeyPatch) -> None
         thread = listen(desk.console, stop)
         assert thread is not None
         pipe.write(b"voltage 6\nvolt")
-        until(lambda: desk.drawer.next_look(0.0) is not None)
-        desk.drawer.receive(1.0)
-        assert desk.drawer.servos[0].voltage == 6.0
+        until(lambda: desk.rig.next_look(0.0) is not None)
+        desk.rig.receive(1.0)
+        assert desk.rig.servos[0].voltage == 6.0
         pipe.write(b"age 7")
         pipe.close()  # the last line needs no end
         thread.join(5)
         assert not thread.is_alive()
-        desk.drawer.receive(2.0)
-        assert desk.drawer.servos[0].voltage == 7.0
+        desk.rig.receive(2.0)
+        assert desk.rig.servos[0].voltage == 7.0
     monkeypatch.setattr(sys, "stdin", None)
     assert listen(desk.console, stop) is None
 

@@ -113,11 +113,11 @@ class TestPort:
         assert "127.0.0.1:1: cannot be opened" in finding.what
 
     def test_that_is_lost_while_it_is_looked_at(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        class Lost(Scripted):
+        class MissedReply(Scripted):
             def write(self, data: bytes) -> None:
                 raise PortLost(f"/dev/ttyUSB0: the port went away while writing {data.hex()}")
 
-        monkeypatch.setattr(connect, "open", lambda _: Bus(Lost()))
+        monkeypatch.setattr(connect, "open", lambda _: Bus(MissedReply()))
         *_, finding = examine("virtual:rx28@1", Plan(FACTORY))
         assert (finding.level, finding.check) == (Level.FAIL, "port")
         assert "went away" in finding.what
@@ -286,7 +286,7 @@ class TestLosses:
     @pytest.fixture
     def port(self) -> Lossy:
         plain = inprocess.connect("virtual:rx28@1-2?clock=virtual")
-        return Lossy(plain.name, plain.drawer, real=False)
+        return Lossy(plain.name, plain.rig, real=False)
 
     def test_are_counted_and_not_asked_again(self, port: Lossy) -> None:
         bus = Bus(port)

@@ -13,7 +13,7 @@ from servobus.families.herkulex.control import (
     SpeedControl,
     Speedometer,
     Stages,
-    Watch,
+    Watchdog,
 )
 
 TICK = UNIT / 4
@@ -126,7 +126,7 @@ def test_speedometer() -> None:
 
 
 def test_watch() -> None:
-    watch = Watch()
+    watch = Watchdog()
     watch.limit = 2
     assert [watch.step(wrong) for wrong in (True, True, False, True, True, True, True)] == [
         *[False] * 5,

@@ -7,14 +7,17 @@ import pytest
 
 from servobus import DRS0602, LX16A, RX28, BadValue, deg, dynamixel1, herkulex
 from servobus.core.exchange import Exchange
-from servobus.families.base import Answers, Leg, Model, Target
+from servobus.families.base import Answers, AxisMove, Model, ServoRef
 from unit.lossy import ASYNC, SYNC, Bench
 
 
 def packets(model: type[Model], count: int, durations: list[float]) -> Iterator[bytes]:
     """Give the packets that start moves of so many servos, ids from 0 on, goals 100 + id."""
-    legs = [Leg(Target(id, model, Answers.READS), 100 + id, 1.0, durations[id % len(durations)]) for id in range(count)]
-    for step in model.family.launch(legs):
+    axes = [
+        AxisMove(ServoRef(id, model, Answers.READS), 100 + id, 1.0, durations[id % len(durations)])
+        for id in range(count)
+    ]
+    for step in model.family.start_moves(axes):
         assert isinstance(step, Exchange)
         yield step.request
 
@@ -118,7 +121,7 @@ def test_a_move_from_beyond_the_end_takes_the_short_way(raw: int) -> None:
     bench.do(lambda servo: servo.torque_on())
     goal = 10 * deg if raw < 0 else 230 * deg
     course = bench.do(lambda servo: servo.start_move(goal, time=0.5))
-    assert course.legs[0].distance == pytest.approx(abs(goal - raw * 0.24 * deg), abs=0.3 * deg)
+    assert course.axes[0].distance == pytest.approx(abs(goal - raw * 0.24 * deg), abs=0.3 * deg)
     seen = []
     for _ in range(60):
         bench.line.sleep(0.02)

@@ -30,7 +30,7 @@ from servobus.families.herkulex.protocol import (
 )
 from servobus.families.registry import DRS0602
 from servobus.virtual.device.servo import virtual_servo
-from servobus.virtual.physics.trajectory import Course, Profile, Ramp, StepCounter, StopDetection, ramp_time
+from servobus.virtual.physics.trajectory import PlannedMove, Profile, Ramp, StepCounter, StopDetection, ramp_time
 from servobus.virtual.serve.inprocess import VirtualPort
 
 STEP = 360 * deg / 12962
@@ -128,7 +128,7 @@ def test_ramp_time() -> None:
 
 
 def test_a_course_counts_loops() -> None:
-    course = Course(0.5, Profile(0.0, 4.0, 2.0))
+    course = PlannedMove(0.5, Profile(0.0, 4.0, 2.0))
     seen = []
     for _ in range(6):
         seen.append((course.position, course.speed, course.over))

@@ -10,7 +10,7 @@ from servobus.core.framing import Corrupt, Decoder, Noise, Packet
 from servobus.core.registers import Register
 from servobus.core.units import deg
 from servobus.errors import BadValue, NoReply, Refused, UsageError
-from servobus.families.base import Answers, Identity, Leg, Target
+from servobus.families.base import Answers, AxisMove, Identity, ServoRef
 from servobus.families.herkulex import protocol as herkulex
 from servobus.families.herkulex.models.drs0602 import DRS0602
 from servobus.families.herkulex.protocol import (
@@ -42,9 +42,9 @@ from servobus.families.herkulex.protocol import (
     parse_request,
 )
 
-SERVO = Target(219, DRS0602, Answers.READS)
-TALKER = Target(219, DRS0602, Answers.EVERYTHING)
-MUTE = Target(219, DRS0602, Answers.NOTHING)
+SERVO = ServoRef(219, DRS0602, Answers.READS)
+TALKER = ServoRef(219, DRS0602, Answers.EVERYTHING)
+MUTE = ServoRef(219, DRS0602, Answers.NOTHING)
 FAMILY = DRS0602.family
 OK = b"\x00\x00"
 
@@ -94,7 +94,7 @@ def image(start: int, size: int, **registers: int) -> bytes:
     return bytes((start, size)) + bytes(data) + OK
 
 
-def stance(
+def motion_status(
     position: int = 16384, torque: int = 0x60, mode: int = 0, low: int = 10627, high: int = 22129
 ) -> tuple[bytes, bytes]:
     return (
@@ -407,16 +407,16 @@ def test_the_policy_is_written_last_and_its_answer_not_waited_for() -> None:
 # Motion
 
 
-def leg(id: int, goal: int, duration: float = 1.0) -> Leg:
-    return Leg(Target(id, DRS0602, Answers.READS), goal, 1.0, duration)
+def axis(id: int, goal: int, duration: float = 1.0) -> AxisMove:
+    return AxisMove(ServoRef(id, DRS0602, Answers.READS), goal, 1.0, duration)
 
 
-def launched(legs: Sequence[Leg]) -> list[Any]:
-    return play(FAMILY.launch(legs))[1]
+def launched(axes: Sequence[AxisMove]) -> list[Any]:
+    return play(FAMILY.start_moves(axes))[1]
 
 
 def test_stance() -> None:
-    found, steps = play(FAMILY.stance(SERVO), *stance(position=22865, mode=1))
+    found, steps = play(FAMILY.motion_status(SERVO), *motion_status(position=22865, mode=1))
     assert found.position == pytest.approx(180 * deg)
     assert (found.torque, found.turning, found.low, found.high) == (True, True, 10627, 22129)
     assert steps == [RamRead(219, 20, 4), RamRead(219, 52, 8)]
@@ -424,7 +424,7 @@ def test_stance() -> None:
 
 @pytest.mark.parametrize("torque", [0x00, 0x40])
 def test_neither_free_nor_braked_is_torque(torque: int) -> None:
-    found, _ = play(FAMILY.stance(SERVO), *stance(torque=torque))
+    found, _ = play(FAMILY.motion_status(SERVO), *motion_status(torque=torque))
     assert not found.torque
 
 
@@ -432,33 +432,33 @@ def test_neither_free_nor_braked_is_torque(torque: int) -> None:
     ("duration", "playtime"), [(0.0001, 1), (0.0112, 1), (0.0113, 2), (0.672, 60), (1.0, 90), (2.8448, 254)]
 )
 def test_playtime_is_rounded_up(duration: float, playtime: int) -> None:
-    assert launched([leg(7, 16384, duration)]) == [IJog(7, (Jog(7, 16384, playtime=playtime),))]
+    assert launched([axis(7, 16384, duration)]) == [IJog(7, (Jog(7, 16384, playtime=playtime),))]
 
 
 def test_a_move_can_take_too_long() -> None:
     assert FAMILY.max_move_time == pytest.approx(2.8448)
     with pytest.raises(BadValue, match=r"2.845 s is longer than 2.8448 s"):
-        launched([leg(7, 16384, 2.845)])
+        launched([axis(7, 16384, 2.845)])
 
 
 def test_a_single_move_waits_for_its_ack() -> None:
-    _, steps = play(FAMILY.launch([Leg(TALKER, 16384, 1.0, 0.672)]), OK)
+    _, steps = play(FAMILY.start_moves([AxisMove(TALKER, 16384, 1.0, 0.672)]), OK)
     assert steps == [IJog(219, (Jog(219, 16384, playtime=60),))]
 
 
 def test_equal_durations_go_in_s_jog() -> None:
-    assert launched([leg(1, 16384), leg(2, 20000)]) == [SJog(254, 90, (Jog(1, 16384), Jog(2, 20000)))]
+    assert launched([axis(1, 16384), axis(2, 20000)]) == [SJog(254, 90, (Jog(1, 16384), Jog(2, 20000)))]
 
 
 def test_different_durations_go_in_i_jog() -> None:
-    assert launched([leg(1, 16384, 0.672), leg(2, 20000)]) == [
+    assert launched([axis(1, 16384, 0.672), axis(2, 20000)]) == [
         IJog(254, (Jog(1, 16384, playtime=60), Jog(2, 20000, playtime=90)))
     ]
 
 
 def test_many_servos_are_split() -> None:
-    assert [len(step.jogs) for step in launched([leg(id, 16384) for id in range(110)])] == [53, 53, 4]
-    mixed = [leg(id, 16384, 1 + id % 2) for id in range(90)]
+    assert [len(step.jogs) for step in launched([axis(id, 16384) for id in range(110)])] == [53, 53, 4]
+    mixed = [axis(id, 16384, 1 + id % 2) for id in range(90)]
     assert [len(step.jogs) for step in launched(mixed)] == [43, 43, 4]
 
 
@@ -468,12 +468,12 @@ def test_moving(detail: int, moving: bool) -> None:
 
 
 def test_stop_holds_the_present_position() -> None:
-    _, steps = play(FAMILY.stop(SERVO), *stance(position=17000))
+    _, steps = play(FAMILY.stop(SERVO), *motion_status(position=17000))
     assert steps[-1] == IJog(219, (Jog(219, 17000, stop=True),))
 
 
 def test_stop_a_turning_servo() -> None:
-    _, steps = play(FAMILY.stop(SERVO), *stance(mode=1))
+    _, steps = play(FAMILY.stop(SERVO), *motion_status(mode=1))
     assert steps[-1] == IJog(219, (Jog(219, 0, ControlMode.INFINITE_TURN, stop=True),))
 
 
@@ -503,18 +503,18 @@ def test_turn_takes_a_speed_it_can_say() -> None:
 
 
 def test_position_mode() -> None:
-    _, steps = play(FAMILY.position_mode(SERVO, None), *stance(position=17000, mode=1))
+    _, steps = play(FAMILY.position_mode(SERVO, None), *motion_status(position=17000, mode=1))
     assert steps[2:] == [IJog(219, (Jog(219, 17000),))]
 
 
 def test_position_mode_sets_limits() -> None:
-    _, steps = play(FAMILY.position_mode(SERVO, (12000, 20000)), *stance(low=12000, high=20000))
+    _, steps = play(FAMILY.position_mode(SERVO, (12000, 20000)), *motion_status(low=12000, high=20000))
     assert steps[0] == RamWrite(219, 20, b"\xe0\x2e\x20\x4e")
     assert len(steps) == 3
 
 
 def test_position_mode_outside_the_limits_does_not_run_back() -> None:
-    _, steps = play(FAMILY.position_mode(SERVO, None), *stance(position=30000, mode=1), b"\x00\x40")
+    _, steps = play(FAMILY.position_mode(SERVO, None), *motion_status(position=30000, mode=1), b"\x00\x40")
     assert steps[2:] == [
         RamWrite(219, 52, b"\x00"),
         IJog(219, (Jog(219, 22129),)),
@@ -554,14 +554,14 @@ def test_reboot() -> None:
 
 
 def test_reset() -> None:
-    found, steps = play(FAMILY.reset(Target(3, DRS0602, Answers.EVERYTHING), frozenset()), OK, OK)
+    found, steps = play(FAMILY.reset(ServoRef(3, DRS0602, Answers.EVERYTHING), frozenset()), OK, OK)
     assert found == (219, 115_200)
     assert steps == [Rollback(3), Pause(EEP_TIME), Reboot(3), Pause(BOOT_TIME)]
 
 
 def test_reset_keeps() -> None:
     keep = frozenset({"id", "baud", "calibration"})
-    target = Target(3, DRS0602, Answers.READS)
+    target = ServoRef(3, DRS0602, Answers.READS)
     found, steps = play(FAMILY.reset(target, keep), b"\x06\x01\x03" + OK, b"\x04\x01\x01" + OK)
     assert found == (3, 1_000_000)
     assert steps[2] == Rollback(3, Keep.ID | Keep.BAUD | Keep.CALIBRATION)

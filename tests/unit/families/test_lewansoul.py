@@ -9,7 +9,7 @@ from servobus.core.exchange import Collector, Exchange, Job, Pause, ask
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Corrupt, Noise, Packet
 from servobus.core.registers import Pair, Register
 from servobus.errors import BadValue, NoReply, UsageError
-from servobus.families.base import Answers, Leg, Target
+from servobus.families.base import Answers, AxisMove, ServoRef
 from servobus.families.lewansoul.models.lx16a import LX16A
 from servobus.families.lewansoul.protocol import (
     FRAMING,
@@ -31,7 +31,7 @@ from servobus.families.lewansoul.protocol import (
 from servobus.families.lewansoul.verbs import Lewansoul
 
 FAMILY = Lewansoul()
-TARGET = Target(3, LX16A, Answers.READS)
+TARGET = ServoRef(3, LX16A, Answers.READS)
 
 
 READS = {
@@ -49,7 +49,7 @@ class Pretender:
         self.answers = {Command[name]: values for name, values in answers.items()}
         self.steps: list[str] = []
 
-    def carry_out(self, job: Job[Any]) -> Any:
+    def run_blocking(self, job: Job[Any]) -> Any:
         steps = ask(job)
         result: Any = None
         while True:
@@ -215,29 +215,29 @@ def test_the_broadcast_id_cannot_be_given_to_a_servo() -> None:
 
 
 def test_a_servo_that_answers_is_known_by_its_presence_alone() -> None:
-    identity = Pretender(SERVO_ID_READ=(3,)).carry_out(FAMILY.identify(3))
+    identity = Pretender(SERVO_ID_READ=(3,)).run_blocking(FAMILY.identify(3))
     assert (identity.number, identity.firmware, identity.answers) == (None, "", Answers.READS)
     with pytest.raises(NoReply):
-        Pretender().carry_out(FAMILY.identify(3))
+        Pretender().run_blocking(FAMILY.identify(3))
 
 
 def test_registers_of_one_command_are_read_with_one_question() -> None:
     servo = Pretender(SERVO_OR_MOTOR_MODE_READ=(1, 0, -500), SERVO_POS_READ=(-12,))
     rows: list[Register[Any]] = [LX16A.motor_speed, LX16A.present_position, LX16A.mode]
-    assert servo.carry_out(FAMILY.read(TARGET, rows)) == [-500, -12, 1]
+    assert servo.run_blocking(FAMILY.read(TARGET, rows)) == [-500, -12, 1]
     assert servo.steps == ["SERVO_OR_MOTOR_MODE_READ id 3", "SERVO_POS_READ id 3"]
 
 
 def test_parameters_that_are_not_given_are_sent_back_as_they_were() -> None:
     servo = Pretender(SERVO_ANGLE_LIMIT_READ=(100, 900))
-    servo.carry_out(FAMILY.write(TARGET, {LX16A.max_position: 800}))
+    servo.run_blocking(FAMILY.write(TARGET, {LX16A.max_position: 800}))
     assert servo.steps == ["SERVO_ANGLE_LIMIT_READ id 3", "SERVO_ANGLE_LIMIT_WRITE id 3, min 100, max 800"]
 
 
 def test_nothing_is_read_first_where_all_parameters_are_given() -> None:
     servo = Pretender()
-    servo.carry_out(FAMILY.write(TARGET, {LX16A.motor_speed: -500, LX16A.mode: 1}))
-    servo.carry_out(FAMILY.write(TARGET, {LX16A.goal_time: 20, LX16A.goal_position: 10}))
+    servo.run_blocking(FAMILY.write(TARGET, {LX16A.motor_speed: -500, LX16A.mode: 1}))
+    servo.run_blocking(FAMILY.write(TARGET, {LX16A.goal_time: 20, LX16A.goal_position: 10}))
     assert servo.steps == [
         "SERVO_OR_MOTOR_MODE_WRITE id 3, mode 1, null 0, speed -500",
         "SERVO_MOVE_TIME_WRITE id 3, angle 10, time_ms 20",
@@ -246,7 +246,7 @@ def test_nothing_is_read_first_where_all_parameters_are_given() -> None:
 
 def test_a_goal_alone_keeps_the_time_of_the_last_move() -> None:
     servo = Pretender(SERVO_MOVE_TIME_READ=(500, 700))
-    servo.carry_out(FAMILY.write(TARGET, {LX16A.goal_position: 10}))
+    servo.run_blocking(FAMILY.write(TARGET, {LX16A.goal_position: 10}))
     assert servo.steps[1:] == ["SERVO_MOVE_TIME_WRITE id 3, angle 10, time_ms 700"]
 
 
@@ -254,13 +254,13 @@ def test_a_goal_alone_keeps_the_time_of_the_last_move() -> None:
 def test_a_time_alone_would_repeat_a_move_and_is_refused(register: Any) -> None:
     servo = Pretender()
     with pytest.raises(BadValue, match="cannot be written alone"):
-        servo.carry_out(FAMILY.write(TARGET, {LX16A.led: 1, register: 100}))
+        servo.run_blocking(FAMILY.write(TARGET, {LX16A.led: 1, register: 100}))
     assert servo.steps == []
 
 
 def test_a_reading_cannot_be_written() -> None:
     with pytest.raises(BadValue, match="can only be read"):
-        Pretender().carry_out(FAMILY.write(TARGET, {LX16A.present_voltage: 7400}))
+        Pretender().run_blocking(FAMILY.write(TARGET, {LX16A.present_voltage: 7400}))
 
 
 @pytest.mark.parametrize(
@@ -269,13 +269,13 @@ def test_a_reading_cannot_be_written() -> None:
 def test_limits_that_cross_are_refused_for_the_servo_would_ignore_them(low: Any, high: Any) -> None:
     servo = Pretender()
     with pytest.raises(BadValue, match="is not below"):
-        servo.carry_out(FAMILY.write(TARGET, {low: 5000, high: 5000}))
+        servo.run_blocking(FAMILY.write(TARGET, {low: 5000, high: 5000}))
     assert servo.steps == []
 
 
 def test_the_id_is_written_last() -> None:
     servo = Pretender()
-    servo.carry_out(FAMILY.store(TARGET, {LX16A.id: 4, LX16A.angle_offset: -50, LX16A.led: 1}))
+    servo.run_blocking(FAMILY.store(TARGET, {LX16A.id: 4, LX16A.angle_offset: -50, LX16A.led: 1}))
     assert servo.steps == [
         "SERVO_ANGLE_OFFSET_ADJUST id 3, offset -50",
         "SERVO_ANGLE_OFFSET_WRITE id 3",
@@ -286,14 +286,14 @@ def test_the_id_is_written_last() -> None:
 
 def test_an_offset_that_is_written_is_not_saved() -> None:
     servo = Pretender()
-    servo.carry_out(FAMILY.write(TARGET, {LX16A.angle_offset: -50}))
+    servo.run_blocking(FAMILY.write(TARGET, {LX16A.angle_offset: -50}))
     assert servo.steps == ["SERVO_ANGLE_OFFSET_ADJUST id 3, offset -50"]
 
 
 def test_what_the_servo_forgets_cannot_be_stored() -> None:
     servo = Pretender()
     with pytest.raises(UsageError, match="not saved"):
-        servo.carry_out(FAMILY.store(TARGET, {LX16A.led: 1, LX16A.goal_position: 1}))
+        servo.run_blocking(FAMILY.store(TARGET, {LX16A.led: 1, LX16A.goal_position: 1}))
     assert servo.steps == []
 
 
@@ -304,21 +304,26 @@ def test_the_stance_is_read_with_one_question_per_command() -> None:
         SERVO_ANGLE_LIMIT_READ=(100, 900),
         SERVO_OR_MOTOR_MODE_READ=(0, 0, 0),
     )
-    stance = servo.carry_out(FAMILY.stance(TARGET))
+    motion_status = servo.run_blocking(FAMILY.motion_status(TARGET))
     assert len(servo.steps) == 4
-    assert math.degrees(stance.position) == pytest.approx(120)
-    assert (stance.torque, stance.low, stance.high, stance.turning) == (True, 100, 900, False)
+    assert math.degrees(motion_status.position) == pytest.approx(120)
+    assert (motion_status.torque, motion_status.low, motion_status.high, motion_status.turning) == (
+        True,
+        100,
+        900,
+        False,
+    )
     servo.answers[Command.SERVO_OR_MOTOR_MODE_READ] = (1, 0, 0)
-    assert servo.carry_out(FAMILY.stance(TARGET)).turning
+    assert servo.run_blocking(FAMILY.motion_status(TARGET)).turning
 
 
 def test_one_leg_starts_at_once_and_several_start_together() -> None:
-    legs = [Leg(Target(id, LX16A, Answers.READS), 100 * id, 1.0, 0.5) for id in (1, 2)]
+    axes = [AxisMove(ServoRef(id, LX16A, Answers.READS), 100 * id, 1.0, 0.5) for id in (1, 2)]
     servo = Pretender()
-    servo.carry_out(FAMILY.launch(legs[:1]))
+    servo.run_blocking(FAMILY.start_moves(axes[:1]))
     assert servo.steps == ["SERVO_MOVE_TIME_WRITE id 1, angle 100, time_ms 500"]
     servo.steps.clear()
-    servo.carry_out(FAMILY.launch(legs))
+    servo.run_blocking(FAMILY.start_moves(axes))
     assert servo.steps == [
         "SERVO_MOVE_TIME_WAIT_WRITE id 1, angle 100, time_ms 500",
         "SERVO_MOVE_TIME_WAIT_WRITE id 2, angle 200, time_ms 500",
@@ -330,7 +335,7 @@ def test_a_move_longer_than_30_s_is_refused_before_anything_is_sent() -> None:
     assert FAMILY.max_move_time == 30.0
     servo = Pretender()
     with pytest.raises(BadValue, match="30 s"):
-        servo.carry_out(FAMILY.launch([Leg(TARGET, 0, 1.0, 1.0), Leg(TARGET, 0, 1.0, 30.001)]))
+        servo.run_blocking(FAMILY.start_moves([AxisMove(TARGET, 0, 1.0, 1.0), AxisMove(TARGET, 0, 1.0, 30.001)]))
     assert servo.steps == []
 
 
@@ -351,56 +356,56 @@ def test_a_servo_moves_if_its_position_changes(after: int) -> None:
 
 def test_stop_ends_a_move_first_and_then_an_endless_turn() -> None:
     servo = Pretender(SERVO_OR_MOTOR_MODE_READ=(0, 0, 0))
-    servo.carry_out(FAMILY.stop(TARGET))
+    servo.run_blocking(FAMILY.stop(TARGET))
     assert servo.steps == ["SERVO_MOVE_STOP id 3", "SERVO_OR_MOTOR_MODE_READ id 3"]
     servo = Pretender(SERVO_OR_MOTOR_MODE_READ=(1, 0, 800))
-    servo.carry_out(FAMILY.stop(TARGET))
+    servo.run_blocking(FAMILY.stop(TARGET))
     assert servo.steps[2:] == ["SERVO_OR_MOTOR_MODE_WRITE id 3, mode 1, null 0, speed 0"]
 
 
 @pytest.mark.parametrize("on", [True, False])
 def test_torque_is_one_command(on: bool) -> None:
     servo = Pretender()
-    servo.carry_out(FAMILY.torque(TARGET, on))
+    servo.run_blocking(FAMILY.torque(TARGET, on))
     assert servo.steps == [f"SERVO_LOAD_OR_UNLOAD_WRITE id 3, load {int(on)}"]
 
 
 @pytest.mark.parametrize(("output", "duty"), [(1, 1000), (-1, -1000), (0.25, 250), (0, 0)])
 def test_turning_is_a_share_of_full_output(output: float, duty: int) -> None:
     servo = Pretender()
-    servo.carry_out(FAMILY.turn(TARGET, speed=None, output=output))
+    servo.run_blocking(FAMILY.turn(TARGET, speed=None, output=output))
     assert servo.answers[Command.SERVO_OR_MOTOR_MODE_READ] == (Mode.MOTOR, 0, duty)
 
 
 def test_turning_at_a_speed_or_beyond_full_output_is_refused() -> None:
     for speed, output in ((1.0, None), (1.0, 0.5), (None, None), (None, 1.01)):
         with pytest.raises(UsageError):
-            Pretender().carry_out(FAMILY.turn(TARGET, speed=speed, output=output))
+            Pretender().run_blocking(FAMILY.turn(TARGET, speed=speed, output=output))
 
 
 def test_position_mode_sets_limits_only_where_given_and_changes_the_mode_only_where_needed() -> None:
     servo = Pretender(SERVO_OR_MOTOR_MODE_READ=(1, 0, 800))
-    servo.carry_out(FAMILY.position_mode(TARGET, None))
+    servo.run_blocking(FAMILY.position_mode(TARGET, None))
     assert servo.answers[Command.SERVO_OR_MOTOR_MODE_READ] == (0, 0, 0)
     servo.steps.clear()
-    servo.carry_out(FAMILY.position_mode(TARGET, (100, 900)))
+    servo.run_blocking(FAMILY.position_mode(TARGET, (100, 900)))
     assert servo.steps == ["SERVO_ANGLE_LIMIT_WRITE id 3, min 100, max 900", "SERVO_OR_MOTOR_MODE_READ id 3"]
     with pytest.raises(BadValue):
-        servo.carry_out(FAMILY.position_mode(TARGET, (0, 1001)))
+        servo.run_blocking(FAMILY.position_mode(TARGET, (0, 1001)))
 
 
 def test_the_light_is_on_at_0() -> None:
     servo = Pretender()
-    servo.carry_out(FAMILY.led(TARGET, "on"))
-    servo.carry_out(FAMILY.led(TARGET, "off"))
+    servo.run_blocking(FAMILY.led(TARGET, "on"))
+    servo.run_blocking(FAMILY.led(TARGET, "off"))
     assert servo.steps == ["SERVO_LED_CTRL_WRITE id 3, led 0", "SERVO_LED_CTRL_WRITE id 3, led 1"]
     with pytest.raises(BadValue, match="'red'"):
-        servo.carry_out(FAMILY.led(TARGET, "red"))
+        servo.run_blocking(FAMILY.led(TARGET, "red"))
 
 
 def test_the_id_is_changed_with_one_command() -> None:
     servo = Pretender()
-    servo.carry_out(FAMILY.set_id(TARGET, 4))
+    servo.run_blocking(FAMILY.set_id(TARGET, 4))
     assert servo.steps == ["SERVO_ID_WRITE id 3, new_id 4"]
 
 
@@ -415,5 +420,5 @@ def test_the_id_is_changed_with_one_command() -> None:
 def test_what_the_protocol_cannot_do_says_so_and_what_to_do_instead(job: Any, hint: str) -> None:
     servo = Pretender()
     with pytest.raises(UsageError, match=hint):
-        servo.carry_out(job())
+        servo.run_blocking(job())
     assert servo.steps == []

@@ -39,7 +39,7 @@ def let_go(bench: Bench) -> float:
 
 
 def assert_held(bench: Bench, here: float) -> None:
-    """Watch the shaft for 2 s: it holds where it was, to two units of an LX-16A."""
+    """Watchdog the shaft for 2 s: it holds where it was, to two units of an LX-16A."""
     for _ in range(100):
         bench.line.sleep(0.02)
         assert bench.real.position == pytest.approx(here, abs=0.5 * deg)

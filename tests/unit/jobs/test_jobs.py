@@ -22,7 +22,7 @@ from servobus import (
     lewansoul,
 )
 from servobus.jobs.backup import Backup
-from servobus.jobs.scan import Progress
+from servobus.jobs.scan import ScanProgress
 
 MIXED = "virtual:rx28@1-3,drs0602@219,lx16a@7,8?clock=virtual"
 
@@ -47,7 +47,7 @@ class TestScan:
             assert str(servo) == "RX-28 id 1 at 57600: 149.9°, 14.4 V, 25 °C, torque off"
 
     def test_tells_how_far_it_is(self) -> None:
-        seen: list[Progress] = []
+        seen: list[ScanProgress] = []
         with servobus.open("virtual:lx16a@2?clock=virtual") as bus:
             bus.scan(family="lewansoul", ids=range(4), watch=seen.append)
         assert [(step.done, step.total, step.id, step.found is not None) for step in seen] == [

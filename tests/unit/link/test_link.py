@@ -13,7 +13,7 @@ import pytest
 
 from servobus import DRS0602, RX28, BadChecksum, Bus, NoReply, dynamixel1
 from servobus.bus.asyncio import AsyncBus
-from servobus.core.exchange import Reply, Volley
+from servobus.core.exchange import Batch, Reply
 from servobus.errors import BrokenEcho, DuplicateId, LineBusy
 from servobus.link.latency import Latency
 from unit.bus.test_blocking import ANSWER, MODEL_BYTE, OK, PING, TEMPERATURE
@@ -69,7 +69,7 @@ class TestLateAnswers:
     def test_no_marker_goes_before_a_question_of_another_kind(self) -> None:
         bus, port = linked(None)
         with pytest.raises(NoReply):
-            bus.do(dynamixel1.read_data(1, 43, 1).once())
+            bus.do(dynamixel1.read_data(1, 43, 1).no_retry())
         port.requests.clear()
         port.script = [THREE]
         assert bus.do(dynamixel1.read_data(1, 0, 3)) == b"\x1c\x00\x18"
@@ -149,7 +149,7 @@ class TestLateAnswers:
         ],
     )
     def test_which_answers_can_be_mistaken(self, mine: Reply, other: Reply, mistaken: bool) -> None:
-        assert mine.mistakes(other) is mistaken
+        assert mine.could_be(other) is mistaken
 
 
 class TestWindow:
@@ -213,7 +213,7 @@ class TestQuiet:
         port.say((0.0, COLD))
         port.sleep(0.01)
         with pytest.raises(NoReply):
-            bus.do(dynamixel1.read_data(1, 43, 1).once())
+            bus.do(dynamixel1.read_data(1, 43, 1).no_retry())
 
 
 class TestEcho:
@@ -221,7 +221,7 @@ class TestEcho:
         bad = TEMPERATURE.replace("2B", "2A")
         bus, _ = linked(bad + ANSWER, echo=True)
         with pytest.raises(BrokenEcho, match=r"FF FF 01 04 02 2A 01 CC came back"):
-            bus.do(dynamixel1.read_data(1, 43, 1).once())
+            bus.do(dynamixel1.read_data(1, 43, 1).no_retry())
         assert bus.stats[1].echo == 1
 
     def test_and_a_read_is_asked_again(self) -> None:
@@ -270,7 +270,7 @@ class TestPatience:
     def test_it_begins_with_what_the_adapter_is_thought_to_need(self) -> None:
         port = Scripted()
         port.latency = 0.025
-        assert Latency(port).patience == 0.025
+        assert Latency(port).reply_margin == 0.025
 
     def test_it_comes_down_when_answers_come_soon(self) -> None:
         port = Scripted()
@@ -278,26 +278,26 @@ class TestPatience:
         latency = Latency(port)
         for _ in range(2 * Latency.ENOUGH):
             latency.note(MILLISECOND)
-        assert latency.patience == Latency.FLOOR
+        assert latency.reply_margin == Latency.FLOOR
 
     def test_it_goes_up_at_once_and_fades_slowly(self) -> None:
         latency = Latency(Scripted())
         latency.note(0.030)
-        assert latency.patience == pytest.approx(0.064)  # twice that, and 4 ms
+        assert latency.reply_margin == pytest.approx(0.064)  # twice that, and 4 ms
         for _ in range(300):
             latency.note(MILLISECOND)
-        assert 0.04 < latency.patience < 0.064
+        assert 0.04 < latency.reply_margin < 0.064
 
     def test_it_has_a_limit(self) -> None:
         latency = Latency(Scripted())
         latency.note(3600.0)
-        assert latency.patience == Latency.LONGEST
+        assert latency.reply_margin == Latency.LONGEST
 
     def test_a_late_answer_teaches_it(self) -> None:
         bus, _ = linked(None, ANSWER + OK, ANSWER)
-        before = bus.link.latency.patience
+        before = bus.link.latency.reply_margin
         temperature(bus)
-        assert bus.link.latency.patience > before
+        assert bus.link.latency.reply_margin > before
 
 
 class TestSeveralAtOnce:
@@ -317,7 +317,7 @@ class TestSeveralAtOnce:
         bus = Bus(port, echo=False)
 
         def job() -> Any:
-            return (yield Volley([family.ping(id) for id in self.IDS]))
+            return (yield Batch([family.ping(id) for id in self.IDS]))
 
         assert bus.do(job()) == [None, None, None]
         (request,) = port.requests
@@ -330,7 +330,7 @@ class TestSeveralAtOnce:
         bus = Bus(port, echo=False)
 
         def job() -> Any:
-            return (yield Volley([RX28.family.ping(id) for id in self.IDS]))
+            return (yield Batch([RX28.family.ping(id) for id in self.IDS]))
 
         assert bus.do(job()) == [None, None, None]
         assert len(port.requests) == 3
@@ -341,7 +341,7 @@ class TestSeveralAtOnce:
         bus = Bus(port, echo=False)
 
         def job() -> Any:
-            return (yield Volley([RX28.family.ping(id) for id in self.IDS]))
+            return (yield Batch([RX28.family.ping(id) for id in self.IDS]))
 
         assert bus.do(job()) == [None, None, None]
         assert bus.stats[2].retries == 1
@@ -353,7 +353,7 @@ class TestSeveralAtOnce:
         bus = Bus(port, echo=False)
 
         def job() -> Any:
-            return (yield Volley([RX28.family.ping(id) for id in self.IDS]))
+            return (yield Batch([RX28.family.ping(id) for id in self.IDS]))
 
         one, two, three = bus.do(job())
         assert (one, three) == (None, None)
@@ -428,7 +428,7 @@ def test_the_short_way_is_what_a_calm_line_takes() -> None:
     def never(*_: object) -> Any:
         raise AssertionError
 
-    bus.link.carry = never  # type: ignore[assignment,method-assign]
+    bus.link.transact = never  # type: ignore[assignment,method-assign]
     assert servo.read(RX28.present_temperature) == 32.0
 
 

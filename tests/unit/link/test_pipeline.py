@@ -11,7 +11,7 @@ import pytest
 
 import servobus
 from servobus import DRS0602, RX28, Bus, BusError, Garbled, NoReply, dynamixel1, herkulex
-from servobus.core.exchange import Exchange, Procedure, Volley
+from servobus.core.exchange import Batch, Exchange, Procedure
 from servobus.errors import DuplicateId
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.serve.inprocess import VirtualPort
@@ -25,7 +25,7 @@ BUSY = 0.5e-3
 
 
 def volley(exchanges: list[Exchange[Any]], *, again: bool = True) -> Procedure[list[Any]]:
-    results: list[Any] = yield Volley(exchanges, again)
+    results: list[Any] = yield Batch(exchanges, again)
     return results
 
 
@@ -207,7 +207,7 @@ class TestOneWire:
     def test_who_is_not_there_costs_no_more_than_the_longest_delay(self) -> None:
         bus, port = opened("rx28@1-2", RX28, range(1, 3))
         start = port.now()
-        results = bus.do(volley([dynamixel1.ping(id).once() for id in range(100, 120)]))
+        results = bus.do(volley([dynamixel1.ping(id).no_retry() for id in range(100, 120)]))
         assert all(isinstance(one, NoReply) for one in results)
         # 6 bytes each way, 508 µs at most (3-4-1), 2 ms for adapters; then once what the adapter may take, 1 ms here
         assert port.now() - start < 20 * (12 * BYTE + 0.508e-3 + 2e-3 + 0.05e-3) + 0.006

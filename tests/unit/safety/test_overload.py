@@ -123,7 +123,7 @@ class Bench:
         assert isinstance(level, Level)
         return level
 
-    def strength(self) -> int:
+    def output_limit(self) -> int:
         """What bounds the servo's output, raw."""
         self.line.sleep(0.02)
         return self.real.get({"rx28": "torque_limit", "drs0602": "max_pwm"}[self.key])
@@ -169,7 +169,7 @@ def test_near_the_limit_it_is_weakened_once_and_gets_its_strength_back(key: str)
     strengths = []
     for degrees in (25.0, limit - 4, limit - 3, limit - 6, limit - 8, 25.0):
         bench.at(degrees)
-        strengths.append(bench.strength())
+        strengths.append(bench.output_limit())
     assert strengths == [801, 400, 400, 400, 801, 801]
 
 
@@ -180,21 +180,21 @@ def test_what_shut_itself_down_gets_nothing_back_and_does_not_jump() -> None:
     bench.at(76.0)
     bench.real.put("torque_limit", 0)
     bench.at(25.0)
-    assert bench.strength() == 0
+    assert bench.output_limit() == 0
 
 
 def test_what_restarted_is_weakened_again() -> None:
     bench = Bench("rx28")
     assert bench.at(76.0) is DERATE
-    assert bench.strength() == 511
+    assert bench.output_limit() == 511
     bench.real.power_off()
     bench.real.power_on(bench.line.now())
     bench.line.sleep(0.1)
-    assert bench.strength() == 1023
+    assert bench.output_limit() == 1023
     assert bench.look() is DERATE
-    assert bench.strength() == 511
+    assert bench.output_limit() == 511
     assert bench.at(25.0) is OK
-    assert bench.strength() == 1023
+    assert bench.output_limit() == 1023
 
 
 @EVERY

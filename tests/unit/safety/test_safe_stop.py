@@ -16,7 +16,7 @@ import servobus
 from servobus import DRS0602, LX16A, MODELS, RX28, BusError, Stopped, TorqueOff, UsageError, deg
 from servobus.bus.asyncio import AsyncBus
 from servobus.bus.blocking import Bus
-from servobus.link.blocking import carry_out
+from servobus.link.blocking import run_blocking
 from servobus.virtual.serve.inprocess import VirtualPort
 from unit.bus.test_blocking import ANSWER
 from unit.lossy import ASYNC, SYNC
@@ -259,7 +259,7 @@ def test_a_release_that_is_lost_is_sent_again() -> None:
         sent = record(bus)
         raise ValueError("a slip")
     assert [request[4] for request in sent].count(31) == 2
-    assert not bus.transport.drawer.servos[0].torque
+    assert not bus.transport.rig.servos[0].torque
 
 
 def test_what_was_switched_off_or_never_on_is_left_alone() -> None:
@@ -284,12 +284,12 @@ def test_what_another_switched_off_is_not_switched_on_by_holding_it() -> None:
         bus.transport.servos[0].put("torque_enable", 0)
         bus.transport.servos[0].goal_enables_torque = True  # as some say of real ones
         raise ValueError("a slip")
-    bus.transport.drawer.run(bus.transport.now() + 0.1)
-    assert bus.transport.drawer.servos[0].get("torque_enable") == 0
+    bus.transport.rig.run(bus.transport.now() + 0.1)
+    assert bus.transport.rig.servos[0].get("torque_enable") == 0
 
 
 @pytest.mark.parametrize(
-    "set_going",
+    "mark_moving",
     [
         lambda servo: servo.torque_on(),
         lambda servo: servo.rearm(),
@@ -301,13 +301,13 @@ def test_what_another_switched_off_is_not_switched_on_by_holding_it() -> None:
     ],
     ids=["torque_on", "rearm", "turn", "goal", "speed", "torque register", "torque of several"],
 )
-def test_whatever_sets_it_going_is_known(set_going: Any) -> None:
+def test_whatever_sets_it_going_is_known(mark_moving: Any) -> None:
     bus = virtual("rx28@1", safe_action="free")
     with pytest.raises(ValueError, match="a slip"), bus:
-        set_going(bus.attach(RX28, 1))
+        mark_moving(bus.attach(RX28, 1))
         raise ValueError("a slip")
-    bus.transport.drawer.run(bus.transport.now() + 0.1)
-    assert bus.transport.drawer.servos[0].get("torque_enable") == 0
+    bus.transport.rig.run(bus.transport.now() + 0.1)
+    assert bus.transport.rig.servos[0].get("torque_enable") == 0
 
 
 def test_a_stopped_servo_is_not_stopped_again_but_freed() -> None:
@@ -422,8 +422,8 @@ def test_an_interrupted_read_does_not_spoil_the_stop(when: str) -> None:
         else:
             port.read = interrupted_read  # type: ignore[method-assign]
         servo.read(RX28.goal_position)
-    port.drawer.run(port.now() + 0.1)
-    real = port.drawer.servos[0]
+    port.rig.run(port.now() + 0.1)
+    real = port.rig.servos[0]
     goal = RX28.goal_position.scale.decode(real.get("goal_position"))
     # At 50°/s and less than 0.1 s for the stop it is within 5° of where it was; its old goal is 25° away.
     assert abs(goal - real.position) < 5 * deg
@@ -436,8 +436,8 @@ def test_whoever_takes_the_line_over_waits_for_what_is_under_way() -> None:
     bus = Bus(port, echo=False)
     question = bus.attach(RX28, 1)._question(RX28.present_temperature)
     port.write(question.request)
-    with bus._seized(interrupt=True) as link:
-        assert carry_out(link, link.carry(question)) == 33.0
+    with bus._take_over(interrupt=True) as link:
+        assert run_blocking(link, link.transact(question)) == 33.0
 
 
 def test_nothing_moves_any_more_once_the_bus_ends() -> None:
@@ -487,8 +487,8 @@ def test_a_second_ctrl_c_does_not_end_the_stopping() -> None:
 
         port.write = interrupted  # type: ignore[method-assign]
         raise ValueError("a slip")
-    port.drawer.run(port.now() + 0.1)
-    assert [servo.torque for servo in port.drawer.servos] == [False] * 3
+    port.rig.run(port.now() + 0.1)
+    assert [servo.torque for servo in port.rig.servos] == [False] * 3
 
 
 def test_opening_looking_and_closing_after_an_error_sends_nothing() -> None:

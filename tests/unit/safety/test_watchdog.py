@@ -20,7 +20,7 @@ import servobus
 from servobus import LX16A, MODELS, RX28, BadValue, Stopped, UsageError, deg
 from servobus.core.exchange import Procedure
 from servobus.jobs.scan import scan
-from servobus.safety.watchdog import Watch, awake
+from servobus.safety.watchdog import Watchdog, awake
 from unit.served import PATIENCE, Arm, frees, stops, wait_for
 
 SOON = 0.05
@@ -51,7 +51,7 @@ class Counted:
         self.now = 1000.0
         self.driven = True
         self.acts = 0
-        self.watch = Watch(timeout, self._act, lambda: self.driven, ended=lambda: None, clock=lambda: self.now)
+        self.watch = Watchdog(timeout, self._act, lambda: self.driven, ended=lambda: None, clock=lambda: self.now)
 
     def _act(self) -> None:
         self.acts += 1
@@ -139,7 +139,7 @@ def test_the_clock_never_goes_back_and_is_no_clock_of_the_day() -> None:
 @pytest.mark.parametrize("timeout", [0, -1, float("nan"), float("inf")])
 def test_a_time_out_that_is_none_is_refused(timeout: float) -> None:
     with pytest.raises(BadValue, match="is not a number of seconds above 0"):
-        Watch(timeout, lambda: None, lambda: True, ended=lambda: None)
+        Watchdog(timeout, lambda: None, lambda: True, ended=lambda: None)
 
 
 # On a bus
@@ -239,9 +239,9 @@ class Slow:
         move = servo.move(servo.look().position + 100 * deg, speed=1 * deg)
         assert move.duration == pytest.approx(100.0)
         waits, got = threading.Event(), []
-        attended = servo.notes.attend
+        attended = servo.notes.keep_alive
 
-        def attend() -> None:
+        def keep_alive() -> None:
             waits.set()
             attended()
 
@@ -251,7 +251,7 @@ class Slow:
             except BaseException as error:  # noqa: BLE001 - the test looks at it
                 got.append(error)
 
-        servo.notes.attend = attend
+        servo.notes.keep_alive = keep_alive
         waiter = threading.Thread(target=wait, daemon=True)
         waiter.start()
         assert waits.wait(PATIENCE)
@@ -333,8 +333,8 @@ def test_a_cycle_moves_no_servo_that_was_stopped_for_its_own_good(lx: Arm) -> No
         cycle.run({1: servo.look().position})
         servo.stop()
         cycle.run({1: servo.look().position})
-        assert not servo.notes.held  # so a trip of the watch stops it again
-        servo.notes.halted = "too hot"
+        assert not servo.notes.stopped  # so a trip of the watch stops it again
+        servo.notes.inhibited = "too hot"
         with pytest.raises(Stopped, match="too hot"):
             cycle.run({1: 1.0})
 
@@ -444,7 +444,7 @@ def test_what_cannot_be_watched_is_refused(lx: Arm) -> None:
 def test_a_watch_that_was_thrown_away_is_found_again(lx: Arm) -> None:
     with lx.open() as bus:
 
-        def watching() -> Watch | None:
+        def watching() -> Watchdog | None:
             return bus.watching
 
         assert watching() is None

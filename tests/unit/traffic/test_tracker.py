@@ -6,7 +6,7 @@ import pytest
 
 from golden.golden import load
 from servobus.families.registry import DRS0602, FAMILIES, LX16A, RX28
-from servobus.traffic.events import Kind, Sight, Tally, Trouble
+from servobus.traffic.events import Kind, ServoTraffic, TrafficEvent, Trouble
 from servobus.traffic.recording import Chunk, Direction, Entry, Speed
 from servobus.traffic.tracker import PATIENCE, QUIET, Tracker
 
@@ -31,25 +31,25 @@ def entries(script: Script) -> list[Entry]:
     return [Chunk(time, Direction(mark), data) for time, mark, data in script]
 
 
-def watch(script: Script, tracker: Tracker | None = None) -> list[Sight]:
+def watch(script: Script, tracker: Tracker | None = None) -> list[TrafficEvent]:
     tracker = tracker or Tracker()
     return [sight for entry in entries(script) for sight in tracker.feed(entry)] + tracker.finish()
 
 
-def said(sights: Sequence[Sight]) -> list[tuple[str, int | None, str]]:
+def said(sights: Sequence[TrafficEvent]) -> list[tuple[str, int | None, str]]:
     return [(str(sight.kind), sight.id, sight.text) for sight in sights]
 
 
-def kinds(sights: Sequence[Sight]) -> list[str]:
+def kinds(sights: Sequence[TrafficEvent]) -> list[str]:
     return [str(sight.kind) for sight in sights]
 
 
-def troubles(sights: Sequence[Sight]) -> list[Trouble]:
+def troubles(sights: Sequence[TrafficEvent]) -> list[Trouble]:
     return [sight.trouble for sight in sights if sight.trouble]
 
 
-def only(tracker: Tracker) -> Tally:
-    (tally,) = tracker.tallies
+def only(tracker: Tracker) -> ServoTraffic:
+    (tally,) = tracker.servos
     return tally
 
 
@@ -210,7 +210,7 @@ def test_all_may_answer_a_stat_to_all() -> None:
     ask = GOLDEN["herkulex", "stat_broadcast"]
     tracker = Tracker()
     assert kinds(watch([(0.0, ">", ask), (0.003, "<", STAT_ACK)], tracker)) == ["request", "answer"]
-    servo, everybody = tracker.tallies
+    servo, everybody = tracker.servos
     assert (servo.id, servo.answers, everybody.id, everybody.error_rate) == (253, 1, 254, 0.0)
 
 
@@ -223,7 +223,7 @@ def test_a_stranger() -> None:
     assert kinds(sights) == ["request", "answer", "answer"]
     assert troubles(sights) == [Trouble.STRANGER]
     assert sights[1].text == "STRANGER, id 1 was asked: status of id 2: ok"
-    assert [(tally.id, tally.answers, tally.other) for tally in tracker.tallies] == [(1, 1, 0), (2, 0, 1)]
+    assert [(tally.id, tally.answers, tally.other) for tally in tracker.servos] == [(1, 1, 0), (2, 0, 1)]
 
 
 @pytest.mark.parametrize("mark", "<-")
@@ -274,7 +274,7 @@ def test_a_bad_checksum_is_counted_once(family: str) -> None:
 def test_a_wrong_id_in_a_corrupt_packet_makes_no_servo() -> None:
     tracker = Tracker(RX28.family)
     watch([(0.0, "<", bytes.fromhex("FF FF 07 02 00 FC"))], tracker)
-    assert (tracker.tallies, tracker.corrupt) == ([], 1)
+    assert (tracker.servos, tracker.corrupt) == ([], 1)
 
 
 @pytest.mark.parametrize("marks", ["><", "--"], ids=["between", "listening"])
@@ -325,7 +325,7 @@ def test_an_answer_that_lost_a_byte_is_corrupt_and_not_missing(family: str, agai
 def test_the_beginning_of_an_answer_that_was_not_asked_for_is_junk() -> None:
     tracker = Tracker(FAMILIES["dynamixel"])
     watch([(0.0, ">", READ), (0.01, "<", OTHER_PONG[:-1]), (1.0, ">", READ)], tracker)
-    assert (tracker.cut_short, tracker.junk, tracker.tallies[0].missing) == (0, 5, 1)
+    assert (tracker.cut_short, tracker.junk, tracker.servos[0].missing) == (0, 5, 1)
 
 
 def test_junk_around_an_answer() -> None:
@@ -424,7 +424,7 @@ def test_families_take_turns() -> None:
         name for name in [*DIALOGUES, *DIALOGUES] for _ in range(2)
     ]
     assert troubles(sights) == []
-    assert [(tally.family.name, tally.id) for tally in tracker.tallies] == [
+    assert [(tally.family.name, tally.id) for tally in tracker.servos] == [
         ("dynamixel", 1),
         ("herkulex", 253),
         ("lewansoul", 1),

@@ -164,7 +164,7 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
         return "red" if on else "off"
 
     def _listen(self) -> None:
-        """Listen to what id and baud rate say."""
+        """Receive to what id and baud rate say."""
         self.id = self.get("id")
         self.baud = CLOCK / (self.get("baud_rate") + 1)
 

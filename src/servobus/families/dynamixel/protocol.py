@@ -12,10 +12,10 @@ from collections.abc import Mapping
 from enum import IntEnum, IntFlag
 from typing import TypeAlias, TypeVar
 
-from servobus.core.exchange import Exchange, Reply, sent
+from servobus.core.exchange import Exchange, Reply, ack_only
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.core.ids import BROADCAST, check_id
-from servobus.core.units import Divided
+from servobus.core.units import BaudDivisor
 from servobus.core.values import frozen
 from servobus.errors import BadValue, Refused
 
@@ -25,7 +25,7 @@ RX_BUFFER = 143
 """Longest packet that fits the servo's receive buffer (manual 3-5-7)."""
 CLOCK = 2_000_000
 """Baud = CLOCK / (code + 1) (manual 3-4-1, Baud Rate)."""
-BAUD = Divided(CLOCK)
+BAUD = BaudDivisor(CLOCK)
 """Scale of the Baud Rate register."""
 
 
@@ -243,7 +243,7 @@ def _exchange(what: str, message: Instruction, *, answered: bool, repeatable: bo
         what,
         FRAMING,
         encode(message),
-        interpret if answered else sent,
+        interpret if answered else ack_only,
         Reply(message.id, None, (0,)) if answered else None,
         _alarms,
         LONGEST_DELAY,
@@ -257,7 +257,7 @@ LONGEST_DELAY = 254 * 2e-6
 
 def ping(id: int) -> Exchange[None]:
     """PING: always answered, except to the broadcast id (3-5-5, ED-19). Any answer will do: somebody is there."""
-    return _exchange(f"PING id {id}", Ping(id), answered=id != BROADCAST, repeatable=True).giving(sent)
+    return _exchange(f"PING id {id}", Ping(id), answered=id != BROADCAST, repeatable=True).mapped(ack_only)
 
 
 def read_data(id: int, address: int, length: int) -> Exchange[bytes]:

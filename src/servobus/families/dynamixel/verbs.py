@@ -11,14 +11,14 @@ from servobus.core.units import Flags
 from servobus.errors import BadValue, BusError, NoReply, Refused, UsageError
 from servobus.families.base import (
     Answers,
+    AxisMove,
     Family,
     Identity,
-    Leg,
     Model,
+    MotionStatus,
     Question,
     Reading,
-    Stance,
-    Target,
+    ServoRef,
     adjacent,
     blocks,
     cannot,
@@ -58,9 +58,9 @@ class Dynamixel1(Family):
     title = "Dynamixel protocol 1.0"
     framing = FRAMING
     default_baud = 57_600
-    drives = frozenset({"moving_speed"})
-    strength = "torque_limit"
-    fickle = frozenset({"goal_position", "moving_speed", "torque_limit", "registered_instruction"})
+    motion_registers = frozenset({"moving_speed"})
+    output_limit = "torque_limit"
+    volatile = frozenset({"goal_position", "moving_speed", "torque_limit", "registered_instruction"})
     # Table in manual 3-4-1, plus the codes in use elsewhere in the field; most likely first.
     bauds = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
 
@@ -76,11 +76,11 @@ class Dynamixel1(Family):
             return Identity(None, "", Answers.NOTHING)
         return Identity(int.from_bytes(data[:2], "little"), str(data[2]), Answers(min(data[16], 2)))
 
-    def markers(self, id: int) -> Sequence[Exchange[Any]]:
+    def fences(self, id: int) -> Sequence[Exchange[Any]]:
         """PING, and reads of different lengths: a status packet tells nothing of the question but its length."""
         return (ping(id), *(read_data(id, 0, length) for length in (1, 3, 5, 7)))
 
-    def reading(self, target: Target, registers: Sequence[Register[Any]]) -> Reading:
+    def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         if target.answers is Answers.NOTHING:
             raise cannot(target, "be read", "its Status Return Level is 0; write status_return_level first")
         # A second exchange costs 14 bytes of frames and the return delay: rather bridge a gap as wide.
@@ -95,7 +95,7 @@ class Dynamixel1(Family):
 
     def put(
         self,
-        target: Target,
+        target: ServoRef,
         values: Mapping[Register[Any], int],
         *,
         keep: bool,  # noqa: ARG002 - a register is in EEPROM or in RAM, never in both
@@ -108,7 +108,7 @@ class Dynamixel1(Family):
         for address, data in adjacent(parts):
             yield _write(target, address, data, repeatable=in_ram)
 
-    def _check_unlocked(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[None]:
+    def _check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:
         """Ask for Lock: once it is on, only addresses 24 to 35 can be written until power-off (3-4-2 Lock)."""
         if target.answers is Answers.NOTHING:
             return
@@ -120,31 +120,31 @@ class Dynamixel1(Family):
                 "(torque_enable to torque_limit) can; switch it off and on first"
             )
 
-    def stance(self, target: Target) -> Procedure[Stance]:
+    def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
         names = ("present_position", "torque_enable", "cw_angle_limit", "ccw_angle_limit")
         rows = [target.model.register(name) for name in names]
         position, torque, low, high = yield from ask(self.read(target, rows))
-        return Stance(rows[0].decode(position), bool(torque), low, high, turning=low == high == 0)
+        return MotionStatus(rows[0].decode(position), bool(torque), low, high, turning=low == high == 0)
 
-    def check_leg(self, leg: Leg) -> None:
+    def check_axis(self, axis: AxisMove) -> None:
         """Refuse what would be slower than speed code 1: it would take longer than asked."""
-        speed = leg.target.model.register("moving_speed")
+        speed = axis.target.model.register("moving_speed")
         slowest = speed.scale.decode(1)
-        if leg.distance > leg.target.model.sheet.resolution and leg.distance / leg.duration < 0.5 * slowest:
-            raise BadValue(f"{leg.target}: slower than {speed.show(slowest)} is not possible; go in steps")
+        if axis.distance > axis.target.model.sheet.resolution and axis.distance / axis.duration < 0.5 * slowest:
+            raise BadValue(f"{axis.target}: slower than {speed.show(slowest)} is not possible; go in steps")
 
-    def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
-        data = {leg.target.id: _goal_and_speed(leg) for leg in legs}
-        goal = _address(legs[0].target.model.register("goal_position"))
-        if len(legs) == 1:
-            yield _write(legs[0].target, goal, data[legs[0].target.id], repeatable=True)
+    def start_moves(self, axes: Sequence[AxisMove]) -> Procedure[None]:
+        data = {axis.target.id: _goal_and_speed(axis) for axis in axes}
+        goal = _address(axes[0].target.model.register("goal_position"))
+        if len(axes) == 1:
+            yield _write(axes[0].target, goal, data[axes[0].target.id], repeatable=True)
             return
         most = (RX_BUFFER - 8) // 5
         ids = list(data)
         for start in range(0, len(ids), most):
             yield from ask(sync_write(goal, {id: data[id] for id in ids[start : start + most]}))
 
-    def goals(self, goals: Mapping[Target, int], time: float) -> list[Exchange[None]]:  # noqa: ARG002 - it has a speed
+    def goals(self, goals: Mapping[ServoRef, int], time: float) -> list[Exchange[None]]:  # noqa: ARG002 - it has a speed
         """SYNC_WRITE, as many as 143 bytes each can hold (3-5-7)."""
         data = [(target, raw.to_bytes(2, "little")) for target, raw in goals.items()]
         most = (RX_BUFFER - 8) // 3
@@ -152,41 +152,41 @@ class Dynamixel1(Family):
         address = _address(data[0][0].model.register("goal_position"))
         return [sync_write(address, {target.id: part for target, part in run}) for run in runs]
 
-    def moving(self, target: Target) -> Procedure[bool]:
+    def moving(self, target: ServoRef) -> Procedure[bool]:
         (moving,) = yield from ask(self.read(target, [target.model.register("moving")]))
         return bool(moving)
 
-    def stop(self, target: Target) -> Procedure[None]:
+    def stop(self, target: ServoRef) -> Procedure[None]:
         model = target.model
-        stance = yield from self.stance(target)
-        if stance.turning:
+        motion_status = yield from self.motion_status(target)
+        if motion_status.turning:
             yield from self.write(target, {model.register("moving_speed"): 0})
             return
         (position,) = yield from ask(self.read(target, [model.register("present_position")]))
         yield from self.write(target, {model.register("goal_position"): position})
 
-    def torque(self, target: Target, on: bool) -> Procedure[None]:
+    def torque(self, target: ServoRef, on: bool) -> Procedure[None]:
         model = target.model
         if on:
-            stance = yield from self.stance(target)
-            if not stance.torque and not stance.turning:
+            motion_status = yield from self.motion_status(target)
+            if not motion_status.torque and not motion_status.turning:
                 goal = model.register("goal_position")
-                here = min(max(goal.scale.encode(stance.position), stance.low), stance.high)
+                here = min(max(goal.scale.encode(motion_status.position), motion_status.low), motion_status.high)
                 yield from self.write(target, {goal: here})
         yield from self.write(target, {model.register("torque_enable"): int(on)})
 
-    def push(self, target: Target) -> Procedure[float]:
+    def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("present_load", "torque_limit")]
         load, limit = yield from ask(self.read(target, rows))
         return abs(load) / limit if limit else 0.0
 
-    def read_alarms(self, target: Target) -> Procedure[int]:
+    def read_alarms(self, target: ServoRef) -> Procedure[int]:
         """PING: the alarms stand in the error byte of its answer."""
         asking: Exchange[Any] = self.ping(target.id)
-        alarms: Error = yield asking.giving(lambda packet: Error(packet.code) & ALARMS)
+        alarms: Error = yield asking.mapped(lambda packet: Error(packet.code) & ALARMS)
         return alarms
 
-    def rearm(self, target: Target) -> Procedure[None]:
+    def rearm(self, target: ServoRef) -> Procedure[None]:
         """End a shutdown: it has set Torque Limit to 0 and left Torque Enable on (3-4-1 Alarm Shutdown).
 
         So Torque Enable goes off first. Else the servo would run to its old goal as soon as it has its limit back.
@@ -204,15 +204,15 @@ class Dynamixel1(Family):
             said = Flags(Error).show(Error(standing))
             done = "torque_enable is off now, so it goes nowhere when that is over"
             raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}; {done}", standing)
-        stance = yield from self.stance(target)
-        if stance.turning:
+        motion_status = yield from self.motion_status(target)
+        if motion_status.turning:
             yield from self._write_raw_speed(target, 0)  # what it turned with before would set it going again
         yield from self.torque(target, on=True)
         on, limited = yield from ask(self.read(target, rows[:2]))
         if not (on and limited):
             raise BusError(f"{target}: the torque did not come on")
 
-    def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
+    def turn(self, target: ServoRef, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""
         if output is None or speed is not None:
             raise cannot(
@@ -223,42 +223,42 @@ class Dynamixel1(Family):
         model = target.model
         share = round(abs(check_output(output)) * 1023) | (0x400 if output < 0 else 0)
         limits = {model.register("cw_angle_limit"): 0, model.register("ccw_angle_limit"): 0}
-        stance = yield from self.stance(target)
-        if not stance.turning:
+        motion_status = yield from self.motion_status(target)
+        if not motion_status.turning:
             # A speed left over from position mode would spin it as soon as the limits are 0.
             yield from self._write_raw_speed(target, 1)
             yield from self.write(target, limits)
         yield from self._write_raw_speed(target, share)
 
-    def position_mode(self, target: Target, limits: tuple[int, int] | None) -> Procedure[None]:
+    def position_mode(self, target: ServoRef, limits: tuple[int, int] | None) -> Procedure[None]:
         model = target.model
-        stance = yield from self.stance(target)
-        if not stance.turning and limits is None:
+        motion_status = yield from self.motion_status(target)
+        if not motion_status.turning and limits is None:
             return
         low, high = limits or (0, 1023)
-        if stance.turning:
+        if motion_status.turning:
             yield from self._write_raw_speed(target, 0)
         yield from self.write(target, {model.register("cw_angle_limit"): low, model.register("ccw_angle_limit"): high})
 
-    def led(self, target: Target, colour: str) -> Procedure[None]:
+    def led(self, target: ServoRef, colour: str) -> Procedure[None]:
         if colour not in ("on", "off", "red"):
             raise BadValue(f"{target} has one red light: on or off, not {colour!r}")
         yield from self.write(target, {target.model.register("led"): int(colour != "off")})
 
-    def reboot(self, target: Target) -> Procedure[None]:
+    def reboot(self, target: ServoRef) -> Procedure[None]:
         yield from ()  # a procedure without steps
         raise cannot(target, "be rebooted", "protocol 1.0 has no such instruction; switch its power off and on")
 
-    def reset(self, target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+    def reset(self, target: ServoRef, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         if keep:
             raise cannot(target, f"keep {', '.join(sorted(keep))}", "RESET restores everything, id and baud included")
         yield from ask(reset(target.id, answered=_answers(target)))
         return 1, self.default_baud
 
-    def set_id(self, target: Target, id: int) -> Procedure[None]:
+    def set_id(self, target: ServoRef, id: int) -> Procedure[None]:
         yield from self.write(target, {target.model.register("id"): check_id(id)})
 
-    def set_baud(self, target: Target, baud: int) -> Procedure[None]:
+    def set_baud(self, target: ServoRef, baud: int) -> Procedure[None]:
         register = target.model.register("baud")
         yield from self.write(target, {register: register.encode(baud)})
 
@@ -284,24 +284,24 @@ class Dynamixel1(Family):
             return Question(Reply(packet.id, None, (message.length, 0)))
         return Question(Reply(packet.id, None, (0,)), certain=isinstance(message, Ping))
 
-    def _write_raw_speed(self, target: Target, raw: int) -> Procedure[None]:
+    def _write_raw_speed(self, target: ServoRef, raw: int) -> Procedure[None]:
         address = _address(target.model.register("moving_speed"))
         yield _write(target, address, raw.to_bytes(2, "little"), repeatable=True)
 
 
-def _write(target: Target, address: int, data: bytes, *, repeatable: bool) -> Exchange[None]:
+def _write(target: ServoRef, address: int, data: bytes, *, repeatable: bool) -> Exchange[None]:
     return write_data(target.id, address, data, answered=_answers(target), repeatable=repeatable)
 
 
-def _answers(target: Target) -> bool:
+def _answers(target: ServoRef) -> bool:
     return target.answers is Answers.EVERYTHING
 
 
-def _goal_and_speed(leg: Leg) -> bytes:
-    speed = leg.target.model.register("moving_speed")
-    raw = speed.scale.encode(leg.distance / leg.duration)
+def _goal_and_speed(axis: AxisMove) -> bytes:
+    speed = axis.target.model.register("moving_speed")
+    raw = speed.scale.encode(axis.distance / axis.duration)
     # 0 would mean full speed; above 1023 there is nothing to ask for.
-    return leg.goal.to_bytes(2, "little") + max(1, min(raw, 1023)).to_bytes(2, "little")
+    return axis.goal.to_bytes(2, "little") + max(1, min(raw, 1023)).to_bytes(2, "little")
 
 
 def _asked(packet: Packet, request: Packet | None) -> Instruction | None:

@@ -172,7 +172,7 @@ class Speedometer:
         return self._same >= len(self._seen)
 
 
-class Watch:
+class Watchdog:
     """Tells what lasts for longer than a while."""
 
     __slots__ = ("_for", "limit")

@@ -19,7 +19,15 @@ from servobus.core.framing import Corrupt, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.registers import Access, Eep, EepRam, Ram
 from servobus.core.units import deg
-from servobus.families.herkulex.control import FULL, MEASURED, PositionControl, SpeedControl, Speedometer, Stages, Watch
+from servobus.families.herkulex.control import (
+    FULL,
+    MEASURED,
+    PositionControl,
+    SpeedControl,
+    Speedometer,
+    Stages,
+    Watchdog,
+)
 from servobus.families.herkulex.protocol import (
     TICK,
     Ack,
@@ -49,7 +57,7 @@ from servobus.families.herkulex.protocol import (
 from servobus.families.herkulex.verbs import Herkulex
 from servobus.virtual.device.memory import EEP, RAM
 from servobus.virtual.device.servo import Replies, VirtualServo
-from servobus.virtual.physics.trajectory import Course, Profile, Ramp, StepCounter, StopDetection, ramp_time
+from servobus.virtual.physics.trajectory import PlannedMove, Profile, Ramp, StepCounter, StopDetection, ramp_time
 
 _parse = functools.lru_cache(maxsize=16)(parse_request)
 """All servos of a line read the same packet: one with 53 JOGs is taken apart once, not once by each."""
@@ -104,7 +112,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         self._place(Aux.POTENTIOMETER)  # H-4
         self._loops = 0
         self._goal = self.shaft.position
-        self._course = Course(self.tick, Profile(self._goal, self._goal))
+        self._course = PlannedMove(self.tick, Profile(self._goal, self._goal))
         self._per_step = 1 / self._counter.step
         self._slowest = self._counter.step / MEASURED  # rad/s
         self._speed_unit = self.row("differential_position").scale.decode(1)
@@ -112,7 +120,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         self._stop = StopDetection(count)
         self._meter = Speedometer(self.tick, count)
         self._position, self._turning = PositionControl(self.tick), SpeedControl(self.tick)
-        self._watches = {error: Watch() for error in WATCHED}
+        self._watches = {error: Watchdog() for error in WATCHED}
         self._driven = self._alert = False
         self._pwm = 0
         self.baud = CLOCK / (self.get("baud_rate") + 1)  # EEP only: a new one waits for this moment (H-37)

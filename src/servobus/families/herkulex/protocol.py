@@ -16,11 +16,11 @@ from collections.abc import Callable, Iterable
 from enum import IntEnum, IntFlag
 from typing import TypeAlias, TypeVar
 
-from servobus.core.exchange import Exchange, Reply, sent
+from servobus.core.exchange import Exchange, Reply, ack_only
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Int
-from servobus.core.units import Flags, Quantity, Table, deg, ms
+from servobus.core.units import Flags, Lookup, Quantity, deg, ms
 from servobus.core.values import frozen
 from servobus.errors import BadValue, Refused
 
@@ -42,7 +42,7 @@ EEP_TIME = 50 * ms
 """Assumption: time that writing the EEPROM takes; a restart before its end might cut it short."""
 BOOT_TIME = 0.5
 """Assumption: s for which a servo is deaf after REBOOT. Users report that it needs a delay, not how long."""
-BAUD = Table({0x10: 115_200, 1: 1_000_000, 0x22: 57_600, 2: 666_666, 3: 500_000, 4: 400_000, 7: 250_000, 9: 200_000})
+BAUD = Lookup({0x10: 115_200, 1: 1_000_000, 0x22: 57_600, 2: 666_666, 3: 500_000, 4: 400_000, 7: 250_000, 9: 200_000})
 """Codes of the Baud Rate register (4-2 NO 5), most likely first."""
 JOG_SPEED = Quantity("rad/s", 0.62 * deg)
 """Speed in infinite turn (6-5)."""
@@ -450,7 +450,7 @@ def exchange(
 def _command(what: str, message: Request, answered: bool) -> Exchange[None]:
     # A JOG is answered by the servo in its header, not by those in its list (H-89).
     reply = Reply(message.id, _CODES[type(message)] | ACK, (2,)) if answered and message.id != BROADCAST else None
-    return exchange(what, message, sent, reply, repeatable=False)
+    return exchange(what, message, ack_only, reply, repeatable=False)
 
 
 def _reading(message: EepRead | RamRead) -> Exchange[bytes]:

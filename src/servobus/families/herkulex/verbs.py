@@ -7,7 +7,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ask, sent
+from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ack_only, ask
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Eep, EepRam, Ram, Register
@@ -15,14 +15,14 @@ from servobus.core.units import show
 from servobus.errors import BadValue, BusError, NoReply, Refused
 from servobus.families.base import (
     Answers,
+    AxisMove,
     Family,
     Identity,
-    Leg,
     Model,
+    MotionStatus,
     Question,
     Reading,
-    Stance,
-    Target,
+    ServoRef,
     adjacent,
     blocks,
     cannot,
@@ -89,16 +89,16 @@ class Herkulex(Family):
     default_baud = 115_200
     bauds = tuple(BAUD.codes.values())
     full_duplex = True
-    strength = "max_pwm"
+    output_limit = "max_pwm"
     brakes = True
     turns_at_speed = True
     max_move_time = LONGEST_PLAYTIME * TICK
     # Torque Control is among what tells a restart; the light is not, for a JOG sets it. The id is no setting.
-    fickle = frozenset({"id", "status_error", "status_detail", "aux_1", "led_control"})
+    volatile = frozenset({"id", "status_error", "status_detail", "aux_1", "led_control"})
 
     def ping(self, id: int) -> Exchange[None]:
         """STAT: the one request that is always answered."""
-        return exchange(f"STAT id {id}", Stat(check_id(id)), sent, Reply(id, Code.STAT | ACK, (2,)))
+        return exchange(f"STAT id {id}", Stat(check_id(id)), ack_only, Reply(id, Code.STAT | ACK, (2,)))
 
     def identify(self, id: int) -> Procedure[Identity]:
         """Read model, version and ACK Policy; a servo with policy 0 answers STAT alone (H-25)."""
@@ -111,20 +111,20 @@ class Herkulex(Family):
         # Version bytes 00 90 read as "0.90": an assumption, the manual does not say how they are written.
         return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", Answers(min(policy[0], 2)))
 
-    def markers(self, id: int) -> Sequence[Exchange[Any]]:
+    def fences(self, id: int) -> Sequence[Exchange[Any]]:
         """STAT, and reads: an ACK tells command, address and length of its request."""
         return (stat(id), ram_read(id, 0, 1), eep_read(id, 0, 1), ram_read(id, 0, 2))
 
-    def reading(self, target: Target, registers: Sequence[Register[Any]]) -> Reading:
+    def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         """Read from RAM what RAM has, the rest from EEP."""
         return _reading(target, registers, [_acting(row) for row in registers])
 
-    def read_stored(self, target: Target, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+    def read_stored(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
         """Read from EEP what EEP has, the rest from RAM."""
         return fetch(_reading(target, registers, [_kept(row) or _acting(row) for row in registers]))
 
     def put(
-        self, target: Target, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
+        self, target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
     ) -> Procedure[None]:
         """For now: to RAM what RAM has, the rest to EEP, where it acts after the next start.
 
@@ -141,28 +141,28 @@ class Herkulex(Family):
         """EEP is written by `store`, and by `write` where RAM does not have the register."""
         return isinstance(register.place, Eep | EepRam if keep else Eep)
 
-    def stance(self, target: Target) -> Procedure[Stance]:
+    def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
         names = ("calibrated_position", "torque_control", "min_position", "max_position", "current_control_mode")
         rows = [target.model.register(name) for name in names]
         position, torque, low, high, mode = yield from ask(self.read(target, rows))
         on = torque == TorqueControl.ON
-        return Stance(rows[0].decode(position), on, low, high, turning=mode == ControlMode.INFINITE_TURN)
+        return MotionStatus(rows[0].decode(position), on, low, high, turning=mode == ControlMode.INFINITE_TURN)
 
-    def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
+    def start_moves(self, axes: Sequence[AxisMove]) -> Procedure[None]:
         """I_JOG for one servo; for several S_JOG if they take equally long, else I_JOG. The lights go out."""
-        playtimes = [_playtime(leg) for leg in legs]
-        if len(legs) == 1:
-            yield from _jog(legs[0].target, Jog(legs[0].target.id, legs[0].goal, playtime=playtimes[0]))
+        playtimes = [_playtime(axis) for axis in axes]
+        if len(axes) == 1:
+            yield from _jog(axes[0].target, Jog(axes[0].target.id, axes[0].goal, playtime=playtimes[0]))
         elif len(set(playtimes)) == 1:
-            jogs = [Jog(leg.target.id, leg.goal) for leg in legs]
+            jogs = [Jog(axis.target.id, axis.goal) for axis in axes]
             for i in range(0, len(jogs), MOST_S_JOG):
                 yield from ask(s_jog(BROADCAST, playtimes[0], jogs[i : i + MOST_S_JOG]))
         else:
-            jogs = [Jog(leg.target.id, leg.goal, playtime=time) for leg, time in zip(legs, playtimes, strict=True)]
+            jogs = [Jog(axis.target.id, axis.goal, playtime=time) for axis, time in zip(axes, playtimes, strict=True)]
             for i in range(0, len(jogs), MOST_I_JOG):
                 yield from ask(i_jog(BROADCAST, jogs[i : i + MOST_I_JOG]))
 
-    def goals(self, goals: Mapping[Target, int], time: float) -> list[Exchange[None]]:
+    def goals(self, goals: Mapping[ServoRef, int], time: float) -> list[Exchange[None]]:
         """S_JOG, up to 53 servos each. The lights go out."""
         jogs = [Jog(target.id, raw) for target, raw in goals.items()]
         runs = [jogs[start : start + MOST_S_JOG] for start in range(0, len(jogs), MOST_S_JOG)]
@@ -172,20 +172,20 @@ class Herkulex(Family):
         """Braked is not driven."""
         return raw == TorqueControl.ON
 
-    def moving(self, target: Target) -> Procedure[bool]:
+    def moving(self, target: ServoRef) -> Procedure[bool]:
         """Moving, and not yet in position: the moving flag alone stays for Stop Detection Period, 302 ms."""
         ack = yield from ask(stat(target.id))
         return ack.status_detail & (StatusDetail.MOVING | StatusDetail.INPOSITION) == StatusDetail.MOVING
 
-    def stop(self, target: Target) -> Procedure[None]:
+    def stop(self, target: ServoRef) -> Procedure[None]:
         """Send a JOG with the stop flag; beside it speed 0 or the present position, in case they count (H-82)."""
-        stance = yield from self.stance(target)
-        if stance.turning:
+        motion_status = yield from self.motion_status(target)
+        if motion_status.turning:
             yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
         else:
-            yield from _jog(target, Jog(target.id, _nearest(target, stance), stop=True))
+            yield from _jog(target, Jog(target.id, _nearest(target, motion_status), stop=True))
 
-    def torque(self, target: Target, on: bool) -> Procedure[None]:
+    def torque(self, target: ServoRef, on: bool) -> Procedure[None]:
         """Switch torque. The servo itself takes the present position as its goal (H-51).
 
         Raises Refused if the torque stays off: while an error of its Torque Policy stands the servo does not
@@ -199,27 +199,27 @@ class Herkulex(Family):
                 why = f"because of {show_flags(ack.status_error)}; rearm() clears what is over"
                 raise Refused(f"{target}: torque stays off {why}", ack.status_error)
 
-    def push(self, target: Target) -> Procedure[float]:
+    def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("pwm", "max_pwm")]
         pwm, limit = yield from ask(self.read(target, rows))
         return abs(pwm) / limit if limit else 0.0
 
-    def brake(self, target: Target) -> Procedure[None]:
+    def brake(self, target: ServoRef) -> Procedure[None]:
         """Torque Control 0x40 (5-2 RAM 52)."""
         yield from self.write(target, {target.model.register("torque_control"): TorqueControl.BRAKE})
 
-    def read_alarms(self, target: Target) -> Procedure[int]:
+    def read_alarms(self, target: ServoRef) -> Procedure[int]:
         """STAT: Status Error, in which every alarm stays until it is cleared (6-3 Example 2)."""
         return (yield from ask(stat(target.id))).status_error
 
-    def rearm(self, target: Target) -> Procedure[None]:
+    def rearm(self, target: ServoRef) -> Procedure[None]:
         """Clear Status Error and Status Detail, then switch the torque on: it takes the present position (H-51).
 
         What is wrong shows in Status Error only after ADC Fault Check Period, so supply and temperature are compared
         with their limits here.
         """
         model = target.model
-        if (yield from self.stance(target)).torque:
+        if (yield from self.motion_status(target)).torque:
             yield from self._clear(target)
             return
         names = ("torque_policy", "voltage", "min_voltage", "max_voltage", "temperature", "max_temperature")
@@ -236,14 +236,14 @@ class Herkulex(Family):
         if standing & policy:
             said = show_flags(standing & policy)
             raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
-        if (yield from self.stance(target)).turning:
+        if (yield from self.motion_status(target)).turning:
             # The mode is kept without torque, the speed perhaps too: it shall not go on turning.
             yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
         yield from self.torque(target, on=True)
-        if not (yield from self.stance(target)).torque:
+        if not (yield from self.motion_status(target)).torque:
             raise BusError(f"{target}: the torque did not come on")
 
-    def _clear(self, target: Target) -> Procedure[StatusError]:
+    def _clear(self, target: ServoRef) -> Procedure[StatusError]:
         """Write 0 to Status Error and Status Detail; give what stands there afterwards."""
         clear = {target.model.register(name): 0 for name in ("status_error", "status_detail")}
         yield from self.write(target, clear)
@@ -253,7 +253,7 @@ class Herkulex(Family):
             ack = yield from ask(stat(target.id))
         return ack.status_error
 
-    def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
+    def turn(self, target: ServoRef, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Infinite turn, with controlled speed. Asked for more than it reaches, it obeys late (6-5)."""
         if speed is None or output is not None:
             raise cannot(target, "turn at a share of full output", "it controls its speed; give speed in rad/s")
@@ -263,29 +263,29 @@ class Herkulex(Family):
         raw = JOG_SPEED.encode(speed)
         yield from _jog(target, Jog(target.id, raw, ControlMode.INFINITE_TURN, playtime=_TURN_PLAYTIME))
 
-    def position_mode(self, target: Target, limits: tuple[int, int] | None) -> Procedure[None]:
+    def position_mode(self, target: ServoRef, limits: tuple[int, int] | None) -> Procedure[None]:
         if limits is not None:
             low, high = (target.model.register(name) for name in ("min_position", "max_position"))
             yield from self.write(target, {low: limits[0], high: limits[1]})
-        stance = yield from self.stance(target)
-        if not stance.turning:
+        motion_status = yield from self.motion_status(target)
+        if not motion_status.turning:
             return
-        goal = _nearest(target, stance)
+        goal = _nearest(target, motion_status)
         # Outside its limits the servo would run to the nearest one (H-66). But without torque a JOG changes
         # nothing except the mode (EH-16), and torque on holds whatever position it finds (H-51).
-        free = stance.torque and goal != _raw_position(target, stance)
+        free = motion_status.torque and goal != _raw_position(target, motion_status)
         if free:
             yield from self.torque(target, on=False)
         yield from _jog(target, Jog(target.id, goal))
         if free:
             yield from self.torque(target, on=True)
 
-    def led(self, target: Target, colour: str) -> Procedure[None]:
+    def led(self, target: ServoRef, colour: str) -> Procedure[None]:
         if colour not in _COLOURS:
             raise BadValue(f"{target} has no light {colour!r}, only {', '.join(_COLOURS)}")
         yield from self.write(target, {target.model.register("led_control"): _COLOURS[colour]})
 
-    def reboot(self, target: Target) -> Procedure[None]:
+    def reboot(self, target: ServoRef) -> Procedure[None]:
         if target.notes is not None:
             target.notes.forget()
         try:
@@ -295,7 +295,7 @@ class Herkulex(Family):
             raise
         yield Pause(BOOT_TIME)
 
-    def reset(self, target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+    def reset(self, target: ServoRef, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         if unknown := keep - _KEEPS.keys():
             raise cannot(target, f"keep {', '.join(sorted(unknown))}", f"ROLLBACK can keep {', '.join(_KEEPS)}")
         id, baud = (target.model.register(name) for name in ("id", "baud_rate"))
@@ -312,7 +312,7 @@ class Herkulex(Family):
         yield from self.reboot(target)
         return new_id, baud.decode(code)
 
-    def set_id(self, target: Target, id: int) -> Procedure[None]:
+    def set_id(self, target: ServoRef, id: int) -> Procedure[None]:
         """Write EEP, then RAM, both under the old id: it changes with the second write (H-36).
 
         EEP is read back in between. So a servo that goes by the new id keeps it, and one that still goes by the old
@@ -323,14 +323,14 @@ class Herkulex(Family):
         if id != target.id:
             yield from self.put(target, {row: id}, keep=False)
 
-    def set_baud(self, target: Target, baud: int) -> Procedure[None]:
+    def set_baud(self, target: ServoRef, baud: int) -> Procedure[None]:
         """Write EEP and restart: Baud Rate acts only then (H-37)."""
         register = target.model.register("baud_rate")
         yield from self._keep(target, register, register.encode(baud))
         yield Pause(EEP_TIME)
         yield from self.reboot(target)
 
-    def _keep(self, target: Target, row: Register[Any], raw: int) -> Procedure[None]:
+    def _keep(self, target: ServoRef, row: Register[Any], raw: int) -> Procedure[None]:
         """Write one register to EEP and nowhere else, until it is there. Raises BusError if it does not get there."""
         spot = _kept(row)
         assert spot is not None
@@ -401,7 +401,7 @@ def _kept(register: Register[Any]) -> _Spot | None:
     return (Area.EEPROM, place.eep) if isinstance(place, Eep | EepRam) else None
 
 
-def _reading(target: Target, registers: Sequence[Register[Any]], spots: Sequence[_Spot]) -> Reading:
+def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequence[_Spot]) -> Reading:
     """Tell what to ask for registers that stand at the spots given."""
     if target.answers is Answers.NOTHING:
         raise cannot(target, "be read", "its ACK Policy is 0; write ack_policy first")
@@ -423,7 +423,7 @@ def _reading(target: Target, registers: Sequence[Register[Any]], spots: Sequence
     return Reading(tuple(exchanges), tuple(places))
 
 
-def _send(target: Target, parts: Iterable[tuple[_Spot, bytes]]) -> Procedure[None]:
+def _send(target: ServoRef, parts: Iterable[tuple[_Spot, bytes]]) -> Procedure[None]:
     """Write to EEP, then to RAM from the top down.
 
     So ID and ACK Policy, RAM 0 and 1, come last: what followed them would have to go by the new ones.
@@ -441,27 +441,27 @@ def _send(target: Target, parts: Iterable[tuple[_Spot, bytes]]) -> Procedure[Non
             yield Pause(2 * TURNAROUND)
 
 
-def _answers(target: Target) -> bool:
+def _answers(target: ServoRef) -> bool:
     return target.answers is Answers.EVERYTHING
 
 
-def _jog(target: Target, jog: Jog) -> Procedure[None]:
+def _jog(target: ServoRef, jog: Jog) -> Procedure[None]:
     yield from ask(i_jog(target.id, [jog], answered=_answers(target)))
 
 
-def _playtime(leg: Leg) -> int:
+def _playtime(axis: AxisMove) -> int:
     """Give a leg's playtime, rounded up: a little slower rather than faster than asked."""
-    playtime = math.ceil(leg.duration / TICK - 1e-6)  # less what the division may have added
+    playtime = math.ceil(axis.duration / TICK - 1e-6)  # less what the division may have added
     if playtime > LONGEST_PLAYTIME:
         longest = show(LONGEST_PLAYTIME * TICK, "s")
-        raise BadValue(f"{leg.target}: a move of {show(leg.duration, 's')} is longer than {longest}")
+        raise BadValue(f"{axis.target}: a move of {show(axis.duration, 's')} is longer than {longest}")
     return max(playtime, 1)  # 0 would mean as fast as it can (H-85)
 
 
-def _raw_position(target: Target, stance: Stance) -> int:
-    return target.model.register("calibrated_position").scale.encode(stance.position)
+def _raw_position(target: ServoRef, motion_status: MotionStatus) -> int:
+    return target.model.register("calibrated_position").scale.encode(motion_status.position)
 
 
-def _nearest(target: Target, stance: Stance) -> int:
+def _nearest(target: ServoRef, motion_status: MotionStatus) -> int:
     """Give the goal nearest to where the servo is: the very place, if it is within its limits."""
-    return min(max(_raw_position(target, stance), stance.low), stance.high)
+    return min(max(_raw_position(target, motion_status), motion_status.low), motion_status.high)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from enum import IntEnum, IntFlag
 from typing import Self, TypeAlias, TypeVar
 
-from servobus.core.exchange import Exchange, Reply, sent
+from servobus.core.exchange import Exchange, Reply, ack_only
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import S8, S16, U8, U16, Int
@@ -221,7 +221,7 @@ def send(id: int, command: Command, *values: int) -> Exchange[None]:
         raise BadValue(f"{command.name} is a question; its answer must be waited for")
     request = Request(id, command, values)
     raw = encode(request)
-    return Exchange(str(request), FRAMING, raw, sent)
+    return Exchange(str(request), FRAMING, raw, ack_only)
 
 
 def query(id: int, command: Command) -> Exchange[tuple[int, ...]]:
@@ -238,7 +238,7 @@ def question(id: int, command: Command, interpret: Callable[[Packet], T]) -> Exc
     reply = Reply(None if id == BROADCAST else id, int(command), (length_of(command.reply),))
     return Exchange(
         str(request), FRAMING, encode(request), interpret, reply,
-        turnaround=TURNAROUND, usual=USUAL, repeatable=True,
+        max_delay=TURNAROUND, typical_delay=USUAL, repeatable=True,
     )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ask, sent
+from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ack_only, ask
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Pair, Register
@@ -11,14 +11,14 @@ from servobus.core.units import Flags
 from servobus.errors import BadValue, BusError, Refused
 from servobus.families.base import (
     Answers,
+    AxisMove,
     Family,
     Identity,
-    Leg,
     Model,
+    MotionStatus,
     Question,
     Reading,
-    Stance,
-    Target,
+    ServoRef,
     cannot,
     check_output,
 )
@@ -64,32 +64,32 @@ class Lewansoul(Family):
     default_baud = BAUD
     bauds = (BAUD,)
     max_move_time = 30.0
-    drives = frozenset({"mode", "motor_speed"})
-    fickle = frozenset(
+    motion_registers = frozenset({"mode", "motor_speed"})
+    volatile = frozenset(
         {"goal_position", "goal_time", "wait_goal_position", "wait_goal_time", "mode", "motor_speed"}
     )  # a move and a mode are given by other ways too
 
     def ping(self, id: int) -> Exchange[None]:
-        return question(check_id(id), Command.SERVO_ID_READ, sent)
+        return question(check_id(id), Command.SERVO_ID_READ, ack_only)
 
     def identify(self, id: int) -> Procedure[Identity]:
         """Only presence can be found out: the protocol has no question for model or firmware."""
         yield from ask(self.ping(id))
         return Identity(None, "", Answers.READS)
 
-    def markers(self, id: int) -> Sequence[Exchange[Any]]:
+    def fences(self, id: int) -> Sequence[Exchange[Any]]:
         """Any questions: an answer tells the command it answers."""
         codes = (Command.SERVO_ID_READ, Command.SERVO_LED_CTRL_READ, Command.SERVO_LED_ERROR_READ)
         return [_parameters(id, code) for code in codes]
 
-    def reading(self, target: Target, registers: Sequence[Register[Any]]) -> Reading:
+    def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         """Ask each read command once, however many of the registers stand in its answer."""
         codes = list(dict.fromkeys(_pair(register).read for register in registers))
         places = tuple((codes.index(_pair(row).read), _bytes(row), row.layout) for row in registers)
         return Reading(tuple(_parameters(target.id, code) for code in codes), places)
 
     def put(
-        self, target: Target, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
+        self, target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
     ) -> Procedure[None]:
         """Send each command once; parameters that are not given are read first and sent back unchanged.
 
@@ -105,28 +105,28 @@ class Lewansoul(Family):
         """Command 19 tells the offset in use, which command 18 may not have saved yet."""
         return not _is_offset(register)
 
-    def stance(self, target: Target) -> Procedure[Stance]:
+    def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
         names = ("present_position", "torque_enable", "min_position", "max_position", "mode")
         rows = [target.model.register(name) for name in names]
         position, torque, low, high, mode = yield from ask(self.read(target, rows))
-        return Stance(rows[0].decode(position), bool(torque), low, high, turning=mode == Mode.MOTOR)
+        return MotionStatus(rows[0].decode(position), bool(torque), low, high, turning=mode == Mode.MOTOR)
 
-    def launch(self, legs: Sequence[Leg]) -> Procedure[None]:
+    def start_moves(self, axes: Sequence[AxisMove]) -> Procedure[None]:
         """Several legs are kept first and start with one broadcast, which starts any older kept move too."""
-        give = move_time_write if len(legs) == 1 else move_time_wait_write
-        times = [leg.target.model.register("goal_time").encode(leg.duration) for leg in legs]
-        for leg, time in zip(legs, times, strict=True):
-            yield from ask(give(leg.target.id, leg.goal, time))
-        if len(legs) > 1:
+        give = move_time_write if len(axes) == 1 else move_time_wait_write
+        times = [axis.target.model.register("goal_time").encode(axis.duration) for axis in axes]
+        for axis, time in zip(axes, times, strict=True):
+            yield from ask(give(axis.target.id, axis.goal, time))
+        if len(axes) > 1:
             yield from ask(move_start())
 
-    def goals(self, goals: Mapping[Target, int], time: float) -> list[Exchange[None]]:
-        """Have each keep its move, and start them together; see `launch`."""
+    def goals(self, goals: Mapping[ServoRef, int], time: float) -> list[Exchange[None]]:
+        """Have each keep its move, and start them together; see `start_moves`."""
         give = move_time_write if len(goals) == 1 else move_time_wait_write
         moves = [give(target.id, raw, target.model.register("goal_time").encode(time)) for target, raw in goals.items()]
         return moves if len(moves) == 1 else [*moves, move_start()]
 
-    def moving(self, target: Target) -> Procedure[bool]:
+    def moving(self, target: ServoRef) -> Procedure[bool]:
         """Compare two positions: no flag tells. Slower than one unit in 50 ms (4.8°/s) counts as rest."""
         row = [target.model.register("present_position")]
         before = yield from ask(self.read(target, row))
@@ -134,25 +134,25 @@ class Lewansoul(Family):
         after = yield from ask(self.read(target, row))
         return before != after
 
-    def stop(self, target: Target) -> Procedure[None]:
+    def stop(self, target: ServoRef) -> Procedure[None]:
         # First what ends a move, then the question that costs time. What command 12 does in motor mode
         # is not said, so there the speed is set to 0.
         yield from ask(move_stop(target.id))
         if (yield from self._mode(target)) == Mode.MOTOR:
             yield from ask(mode_write(target.id, Mode.MOTOR, 0))
 
-    def torque(self, target: Target, on: bool) -> Procedure[None]:
+    def torque(self, target: ServoRef, on: bool) -> Procedure[None]:
         """Nothing jumps: a servo that is loaded holds the angle at which it is (L-70, assumption)."""
         yield from self.write(target, {target.model.register("torque_enable"): int(on)})
 
-    def push(self, target: Target) -> Procedure[float]:
+    def push(self, target: ServoRef) -> Procedure[float]:
         """Nothing tells the output: one that holds and is not near its goal is taken to push with all it has."""
         names = ("torque_enable", "mode", "goal_position", "present_position")
         rows = [target.model.register(name) for name in names]
         torque, mode, goal, here = yield from ask(self.read(target, rows))
         return float(torque and mode == Mode.POSITION and abs(goal - here) > FAR)
 
-    def read_alarms(self, target: Target) -> Procedure[Alarm]:
+    def read_alarms(self, target: ServoRef) -> Procedure[Alarm]:
         """Compare temperature and supply with their limits: no packet tells the alarms, and none a locked rotor."""
         names = ("present_temperature", "max_temperature", "present_voltage", "min_voltage", "max_voltage")
         rows = [target.model.register(name) for name in names]
@@ -164,7 +164,7 @@ class Lewansoul(Family):
             alarms |= Alarm.OVER_VOLTAGE
         return alarms
 
-    def rearm(self, target: Target) -> Procedure[None]:
+    def rearm(self, target: ServoRef) -> Procedure[None]:
         """Unload, make the present position the goal, load: of itself it would go on with its last move (16).
 
         What became of a move that was given without torque is not said (L-69): the one to where it is replaces it.
@@ -173,28 +173,28 @@ class Lewansoul(Family):
         if standing:
             said = Flags(Alarm).show(standing)
             raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
-        stance = yield from self.stance(target)
-        if stance.torque:
+        motion_status = yield from self.motion_status(target)
+        if motion_status.torque:
             return
         yield from self.torque(target, on=False)
-        if stance.turning:
+        if motion_status.turning:
             yield from ask(mode_write(target.id, Mode.MOTOR, 0))
         else:
             (here,) = yield from ask(self.read(target, [target.model.register("present_position")]))
-            if stance.low <= here <= stance.high:  # else it would run to the nearer limit
+            if motion_status.low <= here <= motion_status.high:  # else it would run to the nearer limit
                 yield from ask(move_time_write(target.id, here, 0))
         yield from self.torque(target, on=True)
-        if not (yield from self.stance(target)).torque:
+        if not (yield from self.motion_status(target)).torque:
             raise BusError(f"{target}: the torque did not come on")
 
-    def turn(self, target: Target, *, speed: float | None, output: float | None) -> Procedure[None]:
+    def turn(self, target: ServoRef, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Motor mode: the "speed" of the manual is a duty, nothing measures how fast it turns."""
         if output is None or speed is not None:
             raise cannot(target, "turn at a given speed", "motor mode has no speed control; give output=-1..1")
         duty = round(check_output(output) * FULL_OUTPUT)
         yield from ask(mode_write(target.id, Mode.MOTOR, duty))
 
-    def position_mode(self, target: Target, limits: tuple[int, int] | None) -> Procedure[None]:
+    def position_mode(self, target: ServoRef, limits: tuple[int, int] | None) -> Procedure[None]:
         """Motor mode leaves the angle limits alone, so `limits` are written only where they are given."""
         if limits is not None:
             rows = (target.model.register("min_position"), target.model.register("max_position"))
@@ -202,25 +202,25 @@ class Lewansoul(Family):
         if (yield from self._mode(target)) == Mode.MOTOR:
             yield from ask(mode_write(target.id, Mode.POSITION))
 
-    def led(self, target: Target, colour: str) -> Procedure[None]:
+    def led(self, target: ServoRef, colour: str) -> Procedure[None]:
         if colour not in ("on", "off"):
             raise BadValue(f"{target} has one light: on or off, not {colour!r}")
         led = target.model.register("led")
         yield from self.write(target, {led: led.encode(colour == "on")})
 
-    def reboot(self, target: Target) -> Procedure[None]:
+    def reboot(self, target: ServoRef) -> Procedure[None]:
         yield from ()  # a procedure without steps
         raise cannot(target, "be rebooted", "the protocol has no such command; switch its power off and on")
 
-    def reset(self, target: Target, keep: frozenset[str]) -> Procedure[tuple[int, int]]:  # noqa: ARG002
+    def reset(self, target: ServoRef, keep: frozenset[str]) -> Procedure[tuple[int, int]]:  # noqa: ARG002
         yield from ()  # a procedure without steps
         why = "the protocol has no such command; restore a backup, or set the registers one by one"
         raise cannot(target, "be reset", why)
 
-    def set_id(self, target: Target, id: int) -> Procedure[None]:
+    def set_id(self, target: ServoRef, id: int) -> Procedure[None]:
         yield from self.write(target, {target.model.register("id"): check_id(id)})
 
-    def set_baud(self, target: Target, baud: int) -> Procedure[None]:
+    def set_baud(self, target: ServoRef, baud: int) -> Procedure[None]:
         yield from ()  # a procedure without steps
         raise cannot(target, f"talk at {baud} baud", f"its speed is fixed at {BAUD} (manual 2)")
 
@@ -250,11 +250,11 @@ class Lewansoul(Family):
             return Question(None)
         return Question(Reply(None if everybody else packet.id, int(command), (length_of(command.reply),)))
 
-    def _mode(self, target: Target) -> Procedure[int]:
+    def _mode(self, target: ServoRef) -> Procedure[int]:
         (mode,) = yield from ask(self.read(target, [target.model.register("mode")]))
         return mode
 
-    def _write(self, target: Target, values: Mapping[Register[Any], int], *, save: bool) -> Procedure[None]:
+    def _write(self, target: ServoRef, values: Mapping[Register[Any], int], *, save: bool) -> Procedure[None]:
         for command, group in _by_command(values):
             data = yield from self._rest(target, command, group)
             for register, raw in group.items():
@@ -267,7 +267,7 @@ class Lewansoul(Family):
             if save and command is Command.SERVO_ANGLE_OFFSET_ADJUST:
                 yield from ask(angle_offset_write(target.id))
 
-    def _rest(self, target: Target, command: Command, group: Mapping[Register[Any], int]) -> Procedure[bytearray]:
+    def _rest(self, target: ServoRef, command: Command, group: Mapping[Register[Any], int]) -> Procedure[bytearray]:
         """Give the command's parameters as they are in the servo, or zeros where all of them are given."""
         given = {_pair(register).at for register in group}
         if given >= {at for name, _, at in places_of(command.params) if name != "null"}:

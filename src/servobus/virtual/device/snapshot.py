@@ -10,7 +10,7 @@ from servobus.virtual.physics.motor import CLOSED
 
 
 @dataclass(frozen=True, slots=True)
-class Glance:
+class VirtualSnapshot:
     """One servo at one moment, in rad, rad/s, A, degC and V."""
 
     title: str
@@ -29,10 +29,10 @@ class Glance:
     errors: tuple[str, ...]
 
 
-def glance(servo: VirtualServo) -> Glance:
+def glance(servo: VirtualServo) -> VirtualSnapshot:
     """Look at a servo. It shows the time up to which it was advanced."""
     shaft = servo.shaft
-    return Glance(
+    return VirtualSnapshot(
         title=servo.model.title,
         family=servo.model.family.title,
         id=servo.id,

@@ -1,6 +1,6 @@
 """The EEPROM of virtual servos in a file, so that they remember like real ones.
 
-One readable JSON file holds all servos of a drawer. It is written whenever an EEPROM value changes, before
+One readable JSON file holds all servos of a rig. It is written whenever an EEPROM value changes, before
 the servo answers, and it is replaced as a whole: a crash leaves the old file or the new one.
 """
 

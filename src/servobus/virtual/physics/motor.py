@@ -183,7 +183,13 @@ def _exponential(share: float, damping: float, viscous: float, inertia: float, d
     # Below 0.02 the difference of two large numbers is worse than three terms of its series.
     late = 1 / 2 + z / 12 - z**3 / 720 if z < 0.02 else -1 / math.expm1(-z) - 1 / z
     decay, gain = math.exp(-z), _slope(z) * dt / inertia
-    return decay * loose, gain * loose, share, (1 - late) * dt * loose, late * dt * loose
+    return (
+        decay * loose,
+        gain * loose,
+        share,
+        (1 - late) * dt * loose,
+        late * dt * loose,
+    )
 
 
 def step(plan: Plan, state: MotorState, duty: float, voltage: float, closed: int = CLOSED, torque: float = 0.0) -> None:

@@ -82,7 +82,7 @@ class Ramp:
         return self.speed(time) != 0
 
 
-class Course:
+class PlannedMove:
     """A profile under way, counted in control loops."""
 
     def __init__(self, tick: float, plan: Profile | Ramp) -> None:

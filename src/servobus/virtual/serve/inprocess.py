@@ -10,7 +10,7 @@ import time
 from servobus.errors import BadValue, PortError, PortLost
 from servobus.transports.base import Transport
 from servobus.virtual.device.servo import VirtualServo
-from servobus.virtual.serve.rig import Drawer, open_drawer
+from servobus.virtual.serve.rig import Rig, build_rig
 from servobus.virtual.serve.spec import parse_url
 from servobus.virtual.wire.faults import Faults
 from servobus.virtual.wire.uart import EPSILON
@@ -24,31 +24,31 @@ class VirtualPort(Transport):
 
     timed = True
 
-    def __init__(self, name: str, drawer: Drawer, *, real: bool = True) -> None:
+    def __init__(self, name: str, rig: Rig, *, real: bool = True) -> None:
         self.name = name
-        self.drawer = drawer
+        self.rig = rig
         self._real = real
         self._tell_latency()
         self._now = 0.0
         self._started = time.monotonic()
         self._open = True
         self._gone = False
-        self.set_baud(drawer.default_baud)
+        self.set_baud(rig.default_baud)
 
     @property
     def servos(self) -> list[VirtualServo]:
         """The servos, up to date."""
-        self.drawer.advance(self.now())
-        return self.drawer.servos
+        self.rig.advance(self.now())
+        return self.rig.servos
 
     def inject(self, faults: Faults | str | None) -> None:
         """Let these faults happen from now on; None mends everything. Raises BadValue."""
-        self.drawer.inject(faults, self.now())
+        self.rig.inject(faults, self.now())
         self._tell_latency()
 
     def write(self, data: bytes) -> None:
         self._check()
-        self.drawer.send(data, self.now())
+        self.rig.send(data, self.now())
         self._check()
 
     def read(self, timeout: float) -> bytes:
@@ -56,13 +56,13 @@ class VirtualPort(Transport):
         now = self.now()
         deadline = now + timeout
         while True:
-            data = self.drawer.receive(now)
+            data = self.rig.receive(now)
             self._check()
             if data:
                 return data
             if now >= deadline:
                 return b""
-            look = self.drawer.next_look(GRAIN if self._real else math.inf)
+            look = self.rig.next_look(GRAIN if self._real else math.inf)
             if look is not None and -math.inf < look <= now:
                 look = max(now + EPSILON, math.nextafter(now, math.inf))  # after months a bit time is a rounding error
             now = self._wait_until(deadline if look is None else min(look, deadline))
@@ -71,7 +71,7 @@ class VirtualPort(Transport):
         if baud <= 0:
             raise BadValue(f"{baud} is not a speed in baud")
         self.baud = baud
-        self.drawer.client_baud = baud
+        self.rig.client_baud = baud
 
     def close(self) -> None:
         self._open = False
@@ -79,7 +79,7 @@ class VirtualPort(Transport):
     def reopen(self) -> None:
         self._gone, self._open = False, True
         self._check()
-        self.drawer.receive(self.now())  # what came meanwhile came to nobody
+        self.rig.receive(self.now())  # what came meanwhile came to nobody
 
     def blocking(self) -> bool:
         return self._real
@@ -92,9 +92,9 @@ class VirtualPort(Transport):
             return
         now = self._wait_until(self.now() + seconds)
         if self._real:
-            self.drawer.run(now)
+            self.rig.run(now)
         else:
-            self.drawer.advance(now)  # what a test changes from here on must not act on the time that has passed
+            self.rig.advance(now)  # what a test changes from here on must not act on the time that has passed
 
     def _wait_until(self, moment: float) -> float:
         if self._real:
@@ -106,15 +106,13 @@ class VirtualPort(Transport):
     def _tell_latency(self) -> None:
         # A servo may be 3 % slower than the client believes; on the real clock whoever waits may be woken late.
         own = 0.005 if self._real else 0.001
-        self.latency = (
-            own + self.drawer.faults.latency + self.drawer.faults.jitter
-        )  # so much an adapter's settings tell
+        self.latency = own + self.rig.faults.latency + self.rig.faults.jitter  # so much an adapter's settings tell
 
     def _check(self) -> None:
         if not self._open:
             raise PortError(f"{self.name} is closed")
         # What was open when the port went away stays dead until it is opened again, even if the port comes back.
-        self._gone = self._gone or self.drawer.gone(self.now())
+        self._gone = self._gone or self.rig.gone(self.now())
         if self._gone:
             raise PortLost(f"{self.name} is gone, as the faults asked for")
 
@@ -122,4 +120,4 @@ class VirtualPort(Transport):
 def connect(spec: str) -> VirtualPort:
     """Make a port of virtual servos: "virtual:rx28@1-4?clock=virtual&voltage=12". Raises UsageError."""
     setup = parse_url(spec)
-    return VirtualPort(spec, open_drawer(setup), real=setup.clock == "real")
+    return VirtualPort(spec, build_rig(setup), real=setup.clock == "real")

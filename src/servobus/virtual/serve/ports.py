@@ -3,7 +3,7 @@
     PtyPort    a pseudo terminal, which programs open like a serial port; with a link of your choice to it
     TcpPort    a TCP port, as of a serial device server
 
-Both are context managers that `serve` one drawer in real time until they are told to stop.
+Both are context managers that `serve` one rig in real time until they are told to stop.
 """
 
 import errno
@@ -22,7 +22,7 @@ from typing import Self
 
 from servobus.errors import PortError
 from servobus.transports.symlink import claimed
-from servobus.virtual.serve.rig import Drawer
+from servobus.virtual.serve.rig import Rig
 
 if sys.platform != "win32":
     import fcntl
@@ -41,14 +41,14 @@ CHUNK = 4096
 
 
 class Port(ABC):
-    """What a client sees of a drawer. `name` is what it opens."""
+    """What a client sees of a rig. `name` is what it opens."""
 
     name: str
 
-    def __init__(self, drawer: Drawer) -> None:
-        self.drawer = drawer
+    def __init__(self, rig: Rig) -> None:
+        self.rig = rig
         self._stack = ExitStack()
-        self._turns = itertools.cycle(drawer.servos)
+        self._turns = itertools.cycle(rig.servos)
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
@@ -60,35 +60,35 @@ class Port(ABC):
         self._stack.close()
 
     def serve(self, stop: threading.Event) -> None:
-        """Carry bytes until `stop` is set. The drawer's time 0 is now."""
+        """Carry bytes until `stop` is set. The rig's time 0 is now."""
         started = time.monotonic()
         while not stop.is_set():
             now = time.monotonic() - started
-            if self.drawer.gone(now):
+            if self.rig.gone(now):
                 self._stay_away(stop, started)
                 continue
-            if replies := self.drawer.receive(now):
+            if replies := self.rig.receive(now):
                 self._send(replies)
-            look = self.drawer.next_look(GRAIN)
+            look = self.rig.next_look(GRAIN)
             if data := self._wait(PULSE if look is None else min(max(look - now, 0), PULSE)):
-                self.drawer.client_baud = self._baud()
-                self.drawer.send(data, time.monotonic() - started)
+                self.rig.client_baud = self._baud()
+                self.rig.send(data, time.monotonic() - started)
             elif look is None:
                 self._keep_up(time.monotonic() - started)
 
     def _stay_away(self, stop: threading.Event, started: float) -> None:
         """Be no port, as the faults ask for, and then another one under the same name. Raises PortError."""
         self.__exit__()
-        while self.drawer.gone(time.monotonic() - started):
+        while self.rig.gone(time.monotonic() - started):
             if stop.wait(PULSE):
                 return
-        self.drawer.receive(time.monotonic() - started)  # for nobody
+        self.rig.receive(time.monotonic() - started)  # for nobody
         self.__enter__()
 
     def _keep_up(self, now: float) -> None:
         """While nothing is on the wire, let servos live up to now: who is asked next need not catch up first."""
         end = time.monotonic() + SPARE
-        for servo in itertools.islice(self._turns, len(self.drawer.servos)):
+        for servo in itertools.islice(self._turns, len(self.rig.servos)):
             servo.advance(now)
             if time.monotonic() > end:
                 break
@@ -205,9 +205,9 @@ class Terminal:
 class PtyPort(Terminal, Port):
     """Servos behind a pseudo terminal; the client's speed setting is read, and must be right."""
 
-    def __init__(self, drawer: Drawer, link: Path | None = None) -> None:
-        Port.__init__(self, drawer)
-        Terminal.__init__(self, drawer.default_baud, link)
+    def __init__(self, rig: Rig, link: Path | None = None) -> None:
+        Port.__init__(self, rig)
+        Terminal.__init__(self, rig.default_baud, link)
 
 
 class TcpPort(Port):
@@ -216,8 +216,8 @@ class TcpPort(Port):
     Port 0 takes any free one.
     """
 
-    def __init__(self, drawer: Drawer, host: str = "127.0.0.1", port: int = 0) -> None:
-        super().__init__(drawer)
+    def __init__(self, rig: Rig, host: str = "127.0.0.1", port: int = 0) -> None:
+        super().__init__(rig)
         self._address = host, port
         self._client: socket.socket | None = None
 
@@ -277,16 +277,16 @@ class TcpPort(Port):
             self._client = None
 
 
-def serve_pty(drawer: Drawer, link: Path | None, stop: threading.Event, ready: Callable[[str], None]) -> None:
-    """Serve a drawer behind a pseudo terminal until told to stop; `ready` is told its name. Raises PortError."""
-    with PtyPort(drawer, link) as port:
+def serve_pty(rig: Rig, link: Path | None, stop: threading.Event, ready: Callable[[str], None]) -> None:
+    """Serve a rig behind a pseudo terminal until told to stop; `ready` is told its name. Raises PortError."""
+    with PtyPort(rig, link) as port:
         ready(port.name)
         port.serve(stop)
 
 
-def serve_tcp(drawer: Drawer, host: str, port: int, stop: threading.Event, ready: Callable[[str], None]) -> None:
-    """Serve a drawer behind a TCP port until told to stop; `ready` is told its name. Raises PortError."""
-    with TcpPort(drawer, host, port) as served:
+def serve_tcp(rig: Rig, host: str, port: int, stop: threading.Event, ready: Callable[[str], None]) -> None:
+    """Serve a rig behind a TCP port until told to stop; `ready` is told its name. Raises PortError."""
+    with TcpPort(rig, host, port) as served:
         ready(served.name)
         served.serve(stop)
 

@@ -1,6 +1,6 @@
 """A drawer of virtual servos: one line for each family, side by side, behind one port.
 
-Real servos of two families cannot share a wire. In a drawer each family has its own; what the client sends
+Real servos of two families cannot share a wire. In a rig each family has its own; what the client sends
 goes to all of them, and what they answer comes back in the order of time.
 """
 
@@ -17,12 +17,12 @@ from servobus.virtual.wire.faults import NO_FAULTS, Faults, Injected
 from servobus.virtual.wire.line import VirtualLine
 
 
-class Drawer:
+class Rig:
     """Several lines with one client. Time is told from outside, as with a single line."""
 
     def __init__(self, lines: Sequence[VirtualLine]) -> None:
         if not lines:
-            raise UsageError("a drawer needs at least one line")
+            raise UsageError("a rig needs at least one line")
         self.lines = list(lines)
         self.faults = NO_FAULTS
         self._tasks: deque[Callable[[float], None]] = deque()
@@ -121,7 +121,7 @@ class Drawer:
                 servo.advance(now)
 
 
-def open_drawer(setup: Setup) -> Drawer:
+def build_rig(setup: Setup) -> Rig:
     """Make the servos that a setup names, at time 0. Raises UsageError."""
     temperature = ROOM_TEMPERATURE if setup.temperature is None else setup.temperature
     servos = [
@@ -137,9 +137,9 @@ def open_drawer(setup: Setup) -> Drawer:
         if setup.baud is not None:
             servo.store_baud(setup.baud)
         families.setdefault(servo.model.family.name, []).append(servo)
-    drawer = Drawer([VirtualLine(line, echo=setup.echo, supply=_supply(setup, line)) for line in families.values()])
-    drawer.inject(setup.faults, 0.0)
-    return drawer
+    rig = Rig([VirtualLine(line, echo=setup.echo, supply=_supply(setup, line)) for line in families.values()])
+    rig.inject(setup.faults, 0.0)
+    return rig
 
 
 def _supply(setup: Setup, servos: Sequence[VirtualServo]) -> Rail | None:

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 from servobus.core.framing import Decoder, Packet
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.wire.faults import KINDS, Fault, Faults, Injected
-from servobus.virtual.wire.uart import EPSILON, Run, Wave
-from servobus.virtual.wire.usb_delay import Adapter, Plan, plain
+from servobus.virtual.wire.uart import EPSILON, ReceivedBytes, Transmission
+from servobus.virtual.wire.usb_delay import Adapter, Delivery, plain
 
 if TYPE_CHECKING:
     from servobus.virtual.wire.line import VirtualLine
@@ -50,7 +50,7 @@ class Dice:
 class Injector:
     """The faults of one line, at whose client's end it stands."""
 
-    def __init__(self, faults: Faults, line: "VirtualLine", wire: list[Wave], now: float) -> None:
+    def __init__(self, faults: Faults, line: "VirtualLine", wire: list[Transmission], now: float) -> None:
         self.faults = faults
         self.log: deque[Injected] = deque(maxlen=KEPT)
         self.counts: Counter[str] = Counter()
@@ -85,15 +85,15 @@ class Injector:
 
     # On the way to the client
 
-    def take(self, run: Run) -> None:
+    def take(self, run: ReceivedBytes) -> None:
         """Take what the receiver has received."""
         self._adapter.take(run)
 
-    def due(self, now: float) -> list[Run]:
+    def due(self, now: float) -> list[ReceivedBytes]:
         """Give what the client has by now and was not given yet."""
         return self._adapter.due(now)
 
-    def together(self, run: Run) -> float | None:
+    def together(self, run: ReceivedBytes) -> float | None:
         """Give the time up to which these bytes reach the client one behind the other; None if nobody knows."""
         return self._adapter.together(run)
 
@@ -110,7 +110,7 @@ class Injector:
 
     # Replies
 
-    def reply(self, wave: Wave) -> list[Wave]:
+    def reply(self, wave: Transmission) -> list[Transmission]:
         """Decide what becomes of a reply; give what the client's end of the wire carries of it."""
         self._replies += 1
         waiting, self._glued = self._glued, False
@@ -120,7 +120,7 @@ class Injector:
             return [wave]
         plan = plain(wave.data)
         plan.jitter = jitter
-        twins: list[Wave] = []
+        twins: list[Transmission] = []
         for one in hits:
             match one.fault.kind:
                 case "mute":
@@ -128,14 +128,14 @@ class Injector:
                     return []
                 case "twin":
                     start = wave.end if one.argument == BEHIND else wave.start + one.argument
-                    twins.append(Wave(start, wave.baud, wave.data, wave.sender))
+                    twins.append(Transmission(start, wave.baud, wave.data, wave.sender))
                     self._note(one, self._replies, f"{start - wave.start:.6f} s after its start", wave.start)
                 case "glue":
                     if not waiting:  # this one would let the last one go
                         plan.hold, self._glued = one.argument, True
                         self._note(one, self._replies, "to the next", wave.start)
                 case kind:
-                    alter: Callable[[Dice, Plan], str | None] = getattr(self, f"_{kind}")
+                    alter: Callable[[Dice, Delivery], str | None] = getattr(self, f"_{kind}")
                     if (where := alter(one, plan)) is not None:
                         self._note(one, self._replies, where, wave.start)
         if plan.late is not None:
@@ -144,7 +144,7 @@ class Injector:
         wave.note = plan
         return [wave, *twins]
 
-    def _stranger(self, dice: Dice, plan: Plan) -> str:
+    def _stranger(self, dice: Dice, plan: Delivery) -> str:
         packet, _ = self._framing.unframe(plan.data)
         id = dice.fault.where
         if id is None:
@@ -153,7 +153,7 @@ class Injector:
         plan.parts = plain(raw).parts
         return f"id {id} for {packet.id}"
 
-    def _pair(self, dice: Dice, plan: Plan) -> str | None:
+    def _pair(self, dice: Dice, plan: Delivery) -> str | None:
         frame, header = plan.data, len(self._framing.header)
         if dice.fault.where is not None and not 8 * header <= dice.fault.where < 8 * len(frame):
             return None
@@ -166,21 +166,21 @@ class Injector:
                 return f"bits {one}, {other}"
         return None
 
-    def _flip(self, dice: Dice, plan: Plan) -> str | None:
+    def _flip(self, dice: Dice, plan: Delivery) -> str | None:
         bit = _place(dice, 8 * len(plan.parts))
         if bit is None:
             return None
         plan.parts[bit // 8] = _flipped(plan.parts[bit // 8], bit % 8)
         return f"bit {bit}"
 
-    def _drop(self, dice: Dice, plan: Plan) -> str | None:
+    def _drop(self, dice: Dice, plan: Delivery) -> str | None:
         byte = _place(dice, len(plan.parts))
         if byte is None:
             return None
         plan.parts[byte] = b""
         return f"byte {byte}"
 
-    def _junk(self, dice: Dice, plan: Plan) -> str | None:
+    def _junk(self, dice: Dice, plan: Delivery) -> str | None:
         size = len(plan.parts)
         where = dice.fault.where
         if where is None:
@@ -202,7 +202,7 @@ class Injector:
             plan.parts[at] = junk + plan.parts[at]
         return f"{len(junk)} bytes {where if isinstance(where, str) else f'before byte {where}'}"
 
-    def _split(self, dice: Dice, plan: Plan) -> str | None:
+    def _split(self, dice: Dice, plan: Delivery) -> str | None:
         size = len(plan.parts)
         byte = dice.random.randrange(1, size) if dice.fault.where is None else dice.fault.where
         if byte >= size:
@@ -210,17 +210,17 @@ class Injector:
         plan.pauses[byte] = max(plan.pauses.get(byte, 0.0), dice.argument)
         return f"before byte {byte}"
 
-    def _stall(self, dice: Dice, plan: Plan) -> str:
+    def _stall(self, dice: Dice, plan: Delivery) -> str:
         plan.pauses[0] = max(plan.pauses.get(0, 0.0), dice.argument)
         return f"{dice.argument:g} s"
 
-    def _late(self, dice: Dice, plan: Plan) -> str:
+    def _late(self, dice: Dice, plan: Delivery) -> str:
         plan.late = dice.argument
         return f"{dice.argument:g} s"
 
     # Requests
 
-    def send(self, wave: Wave, *, echo: bool) -> tuple[list[Wave], list[Wave]]:
+    def send(self, wave: Transmission, *, echo: bool) -> tuple[list[Transmission], list[Transmission]]:
         """Decide what servos hear of what the client sends, and what it hears of that itself."""
         if not self._request_dice:
             return [wave], [wave] if echo else []
@@ -238,10 +238,12 @@ class Injector:
                 for one in self._request_dice:
                     self._befall(one, wave, slice(begin, stop), heard, parts, behind)
                 behind = stop
-        echoed = Wave(wave.start, wave.baud, wave.data, None, plain=wave.plain, note=Plan(parts))
+        echoed = Transmission(wave.start, wave.baud, wave.data, None, plain=wave.plain, note=Delivery(parts))
         return [wave] if all(heard) else _pieces(wave, heard), [echoed] if any(parts) else []
 
-    def _befall(self, one: Dice, wave: Wave, packet: slice, heard: list[bool], parts: list[bytes], behind: int) -> None:
+    def _befall(
+        self, one: Dice, wave: Transmission, packet: slice, heard: list[bool], parts: list[bytes], behind: int
+    ) -> None:
         """Let a fault act on the request that stands at these bytes of the wave; the last one ends at `behind`."""
         fault, number, start = one.fault, self._sent, wave.time(packet.start)
         if fault.kind == "unplug" and fault.probability == 1:
@@ -358,14 +360,14 @@ def _echo(dice: Dice, data: bytes, packet: slice, parts: list[bytes]) -> str:
     return how
 
 
-def _pieces(wave: Wave, heard: list[bool]) -> list[Wave]:
+def _pieces(wave: Transmission, heard: list[bool]) -> list[Transmission]:
     """Give what is left of a wave, each byte at its time."""
-    pieces: list[Wave] = []
+    pieces: list[Transmission] = []
     start = None
     for at, there in enumerate([*heard, False]):
         if there and start is None:
             start = at
         elif not there and start is not None:
-            pieces.append(Wave(wave.time(start), wave.baud, wave.data[start:at], None, plain=wave.plain))
+            pieces.append(Transmission(wave.time(start), wave.baud, wave.data[start:at], None, plain=wave.plain))
             start = None
     return pieces

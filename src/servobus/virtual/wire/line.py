@@ -24,7 +24,7 @@ from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.physics.shaft import Rail
 from servobus.virtual.wire.faults import Faults, Injected
 from servobus.virtual.wire.injector import Injector
-from servobus.virtual.wire.uart import BITS, EPSILON, Receiver, Run, Wave
+from servobus.virtual.wire.uart import BITS, EPSILON, ReceivedBytes, Receiver, Transmission
 
 KEPT = 0.02
 """s that bytes are kept after their end for receivers too slow to be through with them."""
@@ -53,13 +53,13 @@ class VirtualLine:
             for servo in self.servos:
                 servo.shaft.join(supply)
         self.now = max(servo.time for servo in self.servos)
-        self._to_servos: list[Wave] = []
-        self._to_client: list[Wave] = []
+        self._to_servos: list[Transmission] = []
+        self._to_client: list[Transmission] = []
         self._client = Receiver(None, self.now)
         self._client_busy_until = self.now
         self._busy: dict[VirtualServo, float] = {}
         """Servo -> time at which it has sent its last reply."""
-        self._arrived: list[Run] = []
+        self._arrived: list[ReceivedBytes] = []
         self._groups: dict[tuple[float, float], _Group] = {}
         self._group_of: dict[VirtualServo, _Group] = {}
         self._injector: Injector | None = None
@@ -84,7 +84,7 @@ class VirtualLine:
             self.regroup()
         baud = self.client_baud or self.servos[0].baud
         start = max(now, self._client_busy_until)
-        wave = Wave(start, baud, bytes(data), None, plain=self.client_baud is None)
+        wave = Transmission(start, baud, bytes(data), None, plain=self.client_baud is None)
         self._client_busy_until = wave.end
         heard, echoed = [wave], [wave] if self.echo else []
         if self._injector:
@@ -100,7 +100,7 @@ class VirtualLine:
         """Give what the client has received whole by now and not been given yet."""
         return b"".join(run.data for run in self.arrivals(now))
 
-    def arrivals(self, now: float) -> list[Run]:
+    def arrivals(self, now: float) -> list[ReceivedBytes]:
         """Give the same with its times."""
         self.run(now)
         arrived, self._arrived = self._arrived, []
@@ -219,9 +219,9 @@ class VirtualLine:
     def _settings(self) -> list[tuple[int, float, float]]:
         return [(servo.id, servo.baud, servo.garbage_timeout) for servo in self.servos]
 
-    def _due(self) -> "list[tuple[float, _Group, Run | None]]":
+    def _due(self) -> "list[tuple[float, _Group, ReceivedBytes | None]]":
         """Give the next event of each group: a run of bytes, or a pause too long (None)."""
-        due: list[tuple[float, _Group, Run | None]] = []
+        due: list[tuple[float, _Group, ReceivedBytes | None]] = []
         for group in self._groups.values():
             run = group.receiver.next_run(self._to_servos, group.decoder.missing)
             gives_up = group.gives_up
@@ -233,7 +233,7 @@ class VirtualLine:
 
     # The servos' side
 
-    def _hear(self, group: "_Group", run: Run) -> None:
+    def _hear(self, group: "_Group", run: ReceivedBytes) -> None:
         group.receiver.since = run.resume
         group.last = run.end
         events = group.decoder.feed(run.data)
@@ -259,7 +259,7 @@ class VirtualLine:
             self._place(servo)
 
     def _reply(self, servo: VirtualServo, baud: float, time: float, data: bytes) -> None:
-        wave = Wave(max(time, self._busy.get(servo, time)), baud, data, servo)
+        wave = Transmission(max(time, self._busy.get(servo, time)), baud, data, servo)
         self._busy[servo] = wave.end
         for part in self._injector.reply(wave) if self._injector else (wave,):
             _put(self._to_client, part)
@@ -332,18 +332,18 @@ class _Group:
             self.add(servo)
 
 
-def _put(waves: list[Wave], wave: Wave) -> None:
+def _put(waves: list[Transmission], wave: Transmission) -> None:
     bisect.insort(waves, wave, key=_start_of)
 
 
-def _forget(waves: list[Wave], done: float, now: float) -> None:
+def _forget(waves: list[Transmission], done: float, now: float) -> None:
     """Drop what every receiver is through with."""
     waves[:] = [wave for wave in waves if wave.end > done + EPSILON and wave.end > now - KEPT]
 
 
-def _start_of(wave: Wave) -> float:
+def _start_of(wave: Transmission) -> float:
     return wave.start
 
 
-def _time_of(due: tuple[float, _Group, Run | None]) -> float:
+def _time_of(due: tuple[float, _Group, ReceivedBytes | None]) -> float:
     return due[0]

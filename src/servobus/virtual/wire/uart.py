@@ -28,7 +28,7 @@ def understands(heard: float, sent: float) -> bool:
 def distort(data: bytes, sent: float, heard: float) -> bytes:
     """Give the bytes that a receiver at speed `heard` makes of bytes sent back to back at speed `sent`."""
     receiver = Receiver(heard, 0.0)
-    waves = [Wave(0.0, sent, data)]
+    waves = [Transmission(0.0, sent, data)]
     out = b""
     while run := receiver.next_run(waves):
         receiver.since = run.resume
@@ -37,7 +37,7 @@ def distort(data: bytes, sent: float, heard: float) -> bytes:
 
 
 @dataclass(slots=True)
-class Wave:
+class Transmission:
     """Bytes that one sender puts on the wire back to back.
 
     `plain` is for clients whose speed is unknown (TCP): every receiver understands these bytes.
@@ -97,7 +97,7 @@ class Wave:
 
 
 @dataclass(slots=True)
-class Run:
+class ReceivedBytes:
     """Bytes received back to back; `resume` is when the receiver waits for the next start bit."""
 
     data: bytes
@@ -106,7 +106,7 @@ class Run:
     resume: float
     from_servo: bool
     """Whether any of it was sent by a servo."""
-    wave: Wave | None = None
+    wave: Transmission | None = None
     """What these bytes are a part of; None if they were read off a wire with several senders, or at another speed."""
     at: int = 0
     """Index of the first of them in the wave."""
@@ -120,7 +120,9 @@ class Receiver:
         self.since = since
         """Time from which it waits for a start bit: all before is received."""
 
-    def next_run(self, waves: Sequence[Wave], limit: int | None = None, until: float = math.inf) -> Run | None:
+    def next_run(
+        self, waves: Sequence[Transmission], limit: int | None = None, until: float = math.inf
+    ) -> ReceivedBytes | None:
         """Give the next bytes, without taking them: set `since` to the run's `resume` for that.
 
         `waves` are in the order of their start. At most `limit` bytes of the client, complete by `until`,
@@ -140,12 +142,14 @@ class Receiver:
                 stop = min(stop, index + limit)
             if stop > index:
                 end = wave.time(stop)
-                return Run(wave.data[index:stop], wave.time(index), end, end, wave.sender is not None, wave, index)
+                return ReceivedBytes(
+                    wave.data[index:stop], wave.time(index), end, end, wave.sender is not None, wave, index
+                )
             if until <= alone_until:
                 return None
         return self._sample(active, until)
 
-    def _sample(self, waves: Sequence[Wave], until: float) -> Run | None:
+    def _sample(self, waves: Sequence[Transmission], until: float) -> ReceivedBytes | None:
         """Read one byte off the levels of the wire."""
         baud = self.baud or waves[0].baud
         for start in heapq.merge(*(wave.falling_edges(self.since) for wave in waves)):
@@ -160,4 +164,4 @@ class Receiver:
         bits = [all(wave.level(start + (place + 1.5) / baud) for wave in waves) for place in range(8)]
         byte = sum(bit << place for place, bit in enumerate(bits))
         servo = any(wave.sender is not None and wave.start < end and wave.end > start for wave in waves)
-        return Run(bytes((byte,)), start, end, start + (BITS - 0.5) / baud, servo)
+        return ReceivedBytes(bytes((byte,)), start, end, start + (BITS - 0.5) / baud, servo)

@@ -10,11 +10,11 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from servobus.virtual.wire.uart import EPSILON, Run, Wave
+from servobus.virtual.wire.uart import EPSILON, ReceivedBytes, Transmission
 
 
 @dataclass(slots=True)
-class Plan:
+class Delivery:
     """What is handed over for the bytes of one wave, and when."""
 
     parts: list[bytes]
@@ -33,9 +33,9 @@ class Plan:
         return b"".join(self.parts)
 
 
-def plain(data: bytes) -> Plan:
+def plain(data: bytes) -> Delivery:
     """Give the plan that changes nothing."""
-    return Plan([bytes((byte,)) for byte in data])
+    return Delivery([bytes((byte,)) for byte in data])
 
 
 class Adapter:
@@ -45,7 +45,7 @@ class Adapter:
     that the client's receiver listens to, in the order of their start.
     """
 
-    def __init__(self, wire: Sequence[Wave], latency: float, now: float) -> None:
+    def __init__(self, wire: Sequence[Transmission], latency: float, now: float) -> None:
         self.latency = latency
         self._wire = wire
         self._out: deque[tuple[float, bytes]] = deque()
@@ -55,17 +55,17 @@ class Adapter:
         self._piece_until = -math.inf
         self._jitter = 0.0
         self._held: list[bytes] = []
-        self._holder: Wave | None = None
+        self._holder: Transmission | None = None
         self._held_until = math.inf
         self._late: list[tuple[float, bytes]] = []
 
-    def take(self, run: Run) -> None:
+    def take(self, run: ReceivedBytes) -> None:
         """Take what the receiver has received."""
         if run.at == 0:
             self._let_in(run.start)
         if self._holder is not None and run.wave is not self._holder:
             self._release(run.wave.end if run.wave else run.end)
-        plan = run.wave.note if run.wave is not None and isinstance(run.wave.note, Plan) else None
+        plan = run.wave.note if run.wave is not None and isinstance(run.wave.note, Delivery) else None
         if plan is not None and plan.hold is not None and run.at == 0:
             self._holder, self._held_until = run.wave, run.end + plan.hold
         if plan is None and not self.latency and not self._jitter:
@@ -88,15 +88,15 @@ class Adapter:
         """Hand these bytes over at that time, or as soon then as the line has a gap."""
         bisect.insort(self._late, (time, data), key=_time_of)
 
-    def due(self, now: float) -> list[Run]:
+    def due(self, now: float) -> list[ReceivedBytes]:
         """Give what is handed over by now and was not given yet."""
         self._let_in(now)
         if self._holder is not None and self._held_until <= now:
             self._release(self._held_until)
-        runs: list[Run] = []
+        runs: list[ReceivedBytes] = []
         while self._out and self._out[0][0] <= now + EPSILON:
             time, data = self._out.popleft()
-            runs.append(Run(data, time, time, time, from_servo=True))
+            runs.append(ReceivedBytes(data, time, time, time, from_servo=True))
         return runs
 
     def next_event(self) -> float | None:
@@ -108,11 +108,11 @@ class Adapter:
             times.append(self._held_until)
         return min(times, default=None)
 
-    def together(self, run: Run) -> float | None:
+    def together(self, run: ReceivedBytes) -> float | None:
         """Give the time up to which these bytes come one behind the other; None if they come as the adapter likes."""
         if self.latency or self._out or self._holder is not None:
             return None
-        plan = run.wave.note if run.wave is not None and isinstance(run.wave.note, Plan) else None
+        plan = run.wave.note if run.wave is not None and isinstance(run.wave.note, Delivery) else None
         if run.wave is None or plan is None:
             return run.end
         if plan.jitter:

@@ -15,7 +15,7 @@ import serial
 
 from servobus.virtual.serve.inprocess import connect
 from servobus.virtual.serve.ports import Port, PtyPort, TcpPort
-from servobus.virtual.serve.rig import open_drawer
+from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import parse_url
 from servobus.virtual.wire.faults import explain
 from unit.served import served
@@ -45,11 +45,11 @@ def test_the_same_through_the_system(kind: type[Port], servos: str) -> None:
     request, _ = FAMILIES[servos]
     inside = port(faults, servos)
     expected = [ask(inside, request) for _ in range(40)]
-    drawer = open_drawer(parse_url(f"virtual:{servos}?faults={faults}"))
-    equip(drawer)
+    rig = build_rig(parse_url(f"virtual:{servos}?faults={faults}"))
+    equip(rig)
     heard = []
-    with served(kind(drawer)) as outside:
-        with serial.serial_for_url(outside.name, drawer.default_baud, timeout=5) as client:
+    with served(kind(rig)) as outside:
+        with serial.serial_for_url(outside.name, rig.default_baud, timeout=5) as client:
             for answer in expected:
                 client.write(request)
                 if answer:
@@ -59,14 +59,14 @@ def test_the_same_through_the_system(kind: type[Port], servos: str) -> None:
                     heard.append(b"")
             assert client.in_waiting == 0
         assert heard == expected
-    assert drawer.fault_counts == inside.drawer.fault_counts
+    assert rig.fault_counts == inside.rig.fault_counts
 
 
 @needs_pty
 def test_the_terminal_hangs_up_and_another_comes(tmp_path: Path) -> None:
     link = tmp_path / "arm"
-    drawer = open_drawer(parse_url("virtual:rx28@1?faults=gone#2:200ms"))
-    with served(PtyPort(drawer, link)):
+    rig = build_rig(parse_url("virtual:rx28@1?faults=gone#2:200ms"))
+    with served(PtyPort(rig, link)):
         with serial.Serial(str(link), 57600, timeout=5) as client:
             client.write(PING)
             assert client.read(6) == PONG
@@ -84,8 +84,8 @@ def test_the_terminal_hangs_up_and_another_comes(tmp_path: Path) -> None:
 
 
 def test_the_connection_is_closed_and_taken_again() -> None:
-    drawer = open_drawer(parse_url("virtual:rx28@1?faults=gone#2:200ms"))
-    with served(TcpPort(drawer)) as outside:
+    rig = build_rig(parse_url("virtual:rx28@1?faults=gone#2:200ms"))
+    with served(TcpPort(rig)) as outside:
         with serial.serial_for_url(outside.name, timeout=5) as client:
             client.write(PING)
             assert client.read(6) == PONG

@@ -154,7 +154,7 @@ def test_tasks_are_done_one_at_a_time_between_two_events() -> None:
     port = connect("virtual:rx28@1?clock=virtual")
     done: list[tuple[int, float]] = []
     for number in range(3):
-        port.drawer.post(lambda now, number=number: done.append((number, now)))  # type: ignore[misc]
+        port.rig.post(lambda now, number=number: done.append((number, now)))  # type: ignore[misc]
     assert port.read(0) == b""
     assert done == [(0, 0.0)]
     assert port.read(1.0) == b""

@@ -14,7 +14,7 @@ import serial
 import servobus
 from servobus.errors import PortError, PortLost
 from servobus.virtual.serve.ports import PtyPort, TcpPort, serve_pty, serve_tcp
-from servobus.virtual.serve.rig import Drawer, open_drawer
+from servobus.virtual.serve.rig import Rig, build_rig
 from servobus.virtual.serve.spec import parse_url
 from unit.served import served
 
@@ -23,8 +23,8 @@ PONG = bytes.fromhex("FF FF 01 02 00 FC")
 needs_pty = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo terminals on Windows")
 
 
-def drawer(spec: str = "rx28@1-3") -> Drawer:
-    return open_drawer(parse_url(spec))
+def rig(spec: str = "rx28@1-3") -> Rig:
+    return build_rig(parse_url(spec))
 
 
 def ask(name: str, baud: int, request: bytes = PING, size: int = 6, timeout: float = 2.0) -> bytes:
@@ -37,7 +37,7 @@ def ask(name: str, baud: int, request: bytes = PING, size: int = 6, timeout: flo
 @needs_pty
 @pytest.mark.parametrize("baud", [57600, 250_000, 1_000_000])
 def test_pty_at_any_speed(baud: int) -> None:
-    with served(PtyPort(drawer(f"rx28@1?baud={baud}"))) as port:
+    with served(PtyPort(rig(f"rx28@1?baud={baud}"))) as port:
         assert ask(port.name, baud) == PONG
         assert ask(port.name, 9600, timeout=0.1) == b""
         assert ask(port.name, baud) == PONG
@@ -48,13 +48,13 @@ def test_pty_passes_every_byte_both_ways_and_echoes_none() -> None:
     special = bytes.fromhex("0A 0D 03 04 11 13 1A 1C 00 7F FF")
     body = bytes((1, len(special) + 3, 4, 26)) + special  # REG_WRITE past the end of nothing: refused, but heard
     request = b"\xff\xff" + body + bytes((~sum(body) & 0xFF,))
-    with served(PtyPort(drawer())) as port:
+    with served(PtyPort(rig())) as port:
         assert ask(port.name, 57600, request) == bytes.fromhex("FF FF 01 02 08 F4")
 
 
 @needs_pty
 def test_clients_that_flush_around_each_write() -> None:
-    with served(PtyPort(drawer("rx28@1?baud=1000000"))) as port, serial.Serial(port.name, 1_000_000) as client:
+    with served(PtyPort(rig("rx28@1?baud=1000000"))) as port, serial.Serial(port.name, 1_000_000) as client:
         client.timeout = 2
         for _ in range(20):
             client.reset_input_buffer()
@@ -65,7 +65,7 @@ def test_clients_that_flush_around_each_write() -> None:
 
 @needs_pty
 def test_what_nobody_reads_is_lost() -> None:
-    with served(PtyPort(drawer())) as port:
+    with served(PtyPort(rig())) as port:
         with serial.Serial(port.name, 57600) as client:
             client.write(PING)
             time.sleep(0.2)  # the reply is there, and stays unread
@@ -82,7 +82,7 @@ def test_what_nobody_reads_is_lost() -> None:
 @needs_pty
 def test_a_client_that_does_not_read_blocks_nothing() -> None:
     block = bytes.fromhex("FF FF 01 04 02 00 32 C6")  # 56 bytes come back
-    with served(PtyPort(drawer("rx28@1?baud=1000000"))) as port, serial.Serial(port.name, 1_000_000) as client:
+    with served(PtyPort(rig("rx28@1?baud=1000000"))) as port, serial.Serial(port.name, 1_000_000) as client:
         for _ in range(300):
             client.write(block)
             time.sleep(0.002)
@@ -97,7 +97,7 @@ def test_a_client_that_does_not_read_blocks_nothing() -> None:
 @needs_pty
 def test_link(tmp_path: Path) -> None:
     link = tmp_path / "servos"
-    with served(PtyPort(drawer(), link)) as port:
+    with served(PtyPort(rig(), link)) as port:
         assert port.name == str(link)
         assert link.is_symlink()
         assert ask(str(link), 57600) == PONG
@@ -107,8 +107,8 @@ def test_link(tmp_path: Path) -> None:
 @needs_pty
 def test_link_that_is_served_is_refused(tmp_path: Path) -> None:
     link = tmp_path / "servos"
-    with served(PtyPort(drawer(), link)):
-        with pytest.raises(PortError, match=f"process {os.getpid()}"), PtyPort(drawer(), link):
+    with served(PtyPort(rig(), link)):
+        with pytest.raises(PortError, match=f"process {os.getpid()}"), PtyPort(rig(), link):
             pass
         assert ask(str(link), 57600) == PONG
 
@@ -119,7 +119,7 @@ def test_link_of_a_crashed_program_is_replaced(tmp_path: Path, target: str) -> N
     link = tmp_path / "servos"
     link.symlink_to(target)
     (tmp_path / ".servos.lock").write_text("12345\n")
-    with served(PtyPort(drawer(), link)):
+    with served(PtyPort(rig(), link)):
         assert ask(str(link), 57600) == PONG
     assert list(tmp_path.iterdir()) == []
 
@@ -128,7 +128,7 @@ def test_link_of_a_crashed_program_is_replaced(tmp_path: Path, target: str) -> N
 def test_link_to_nowhere_is_replaced(tmp_path: Path) -> None:
     link = tmp_path / "servos"
     link.symlink_to(tmp_path / "gone")
-    with served(PtyPort(drawer(), link)):
+    with served(PtyPort(rig(), link)):
         assert ask(str(link), 57600) == PONG
 
 
@@ -139,7 +139,7 @@ def test_links_and_files_of_others_are_not_touched(tmp_path: Path) -> None:
     file.write_text("precious")
     nowhere = tmp_path / "no" / "where"
     for path, why in ((link, "not made by servobus"), (file, "is no link"), (nowhere, "cannot be made")):
-        with pytest.raises(PortError, match=why), PtyPort(drawer(), path):
+        with pytest.raises(PortError, match=why), PtyPort(rig(), path):
             pass
     assert str(link.readlink()) == "/dev/null"
     assert file.read_text() == "precious"
@@ -149,7 +149,7 @@ def test_links_and_files_of_others_are_not_touched(tmp_path: Path) -> None:
 @needs_pty
 def test_link_that_another_took_over_is_left_alone(tmp_path: Path) -> None:
     link = tmp_path / "servos"
-    with PtyPort(drawer(), link):
+    with PtyPort(rig(), link):
         link.unlink()
         link.symlink_to("/dev/null")
     assert str(link.readlink()) == "/dev/null"
@@ -160,12 +160,12 @@ def test_no_pseudo_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
         raise OSError(2, "out of pty devices")
 
     monkeypatch.setattr(os, "openpty", none, raising=False)
-    with pytest.raises(PortError, match="--tcp"), PtyPort(drawer()):
+    with pytest.raises(PortError, match="--tcp"), PtyPort(rig()):
         pass
 
 
 def test_tcp_one_client_after_the_other() -> None:
-    with served(TcpPort(drawer("rx28@1,lx16a@2"))) as port:
+    with served(TcpPort(rig("rx28@1,lx16a@2"))) as port:
         assert port.name.startswith("socket://127.0.0.1:")
         for _ in range(3):
             assert ask(port.name, 57600) == PONG
@@ -175,7 +175,7 @@ def test_tcp_one_client_after_the_other() -> None:
 
 
 def test_tcp_second_client_is_hung_up_on() -> None:
-    with served(TcpPort(drawer())) as port, servobus.open(port.name) as bus:
+    with served(TcpPort(rig())) as port, servobus.open(port.name) as bus:
         bus.find(1, family="dynamixel")
         with servobus.open(port.name) as other, pytest.raises(PortLost, match="serve another client"):
             other.find(1, family="dynamixel")
@@ -183,7 +183,7 @@ def test_tcp_second_client_is_hung_up_on() -> None:
 
 
 def test_tcp_client_that_leaves_without_a_word() -> None:
-    with served(TcpPort(drawer())) as port:
+    with served(TcpPort(rig())) as port:
         number = int(port.name.rpartition(":")[2])
         with socket.create_connection(("127.0.0.1", number)) as client:
             client.sendall(PING)
@@ -192,9 +192,9 @@ def test_tcp_client_that_leaves_without_a_word() -> None:
 
 
 def test_tcp_port_in_use() -> None:
-    with TcpPort(drawer()) as port:
+    with TcpPort(rig()) as port:
         number = int(port.name.rpartition(":")[2])
-        with pytest.raises(PortError, match=str(number)), TcpPort(drawer(), port=number):
+        with pytest.raises(PortError, match=str(number)), TcpPort(rig(), port=number):
             pass
 
 
@@ -205,8 +205,8 @@ def test_functions() -> None:
         names.append(name)
         stop.set()
 
-    serve_tcp(drawer(), "127.0.0.1", 0, stop, ready)
+    serve_tcp(rig(), "127.0.0.1", 0, stop, ready)
     assert names[0].startswith("socket://")
     if sys.platform != "win32":
-        serve_pty(drawer(), None, stop, ready)
+        serve_pty(rig(), None, stop, ready)
         assert names[1].startswith("/dev/")

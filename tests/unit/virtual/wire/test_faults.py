@@ -17,7 +17,7 @@ import pytest
 from servobus.errors import BadValue, PortLost
 from servobus.families.registry import DRS0602
 from servobus.virtual.serve.inprocess import VirtualPort, connect
-from servobus.virtual.serve.rig import Drawer
+from servobus.virtual.serve.rig import Rig
 from servobus.virtual.wire.faults import KINDS, SETTINGS, Fault, Faults, Which, explain
 
 PING = bytes.fromhex("FF FF 01 02 01 FB")
@@ -39,9 +39,9 @@ QUIET = 0.03
 every_family = pytest.mark.parametrize("servos", FAMILIES)
 
 
-def equip(drawer: Drawer) -> None:
+def equip(rig: Rig) -> None:
     """Give a DRS-0602 the gains of the manual's example."""
-    for servo in drawer.servos:
+    for servo in rig.servos:
         if servo.model is DRS0602:
             servo.memory.store(DRS0602.position_kp, 440)
             servo.memory.store(DRS0602.position_kd, 8000)
@@ -49,7 +49,7 @@ def equip(drawer: Drawer) -> None:
 
 def port(faults: str | Faults | None = None, servos: str = "rx28@1", options: str = "") -> VirtualPort:
     made = connect(f"virtual:{servos}?clock=virtual{options}")
-    equip(made.drawer)
+    equip(made.rig)
     made.inject(faults)
     return made
 
@@ -201,7 +201,7 @@ def test_junk_as_much_as_asked_for_with_headers_in_it() -> None:
     assert max(sizes) <= 64
     assert len(sizes) > 40
     assert junk.count(b"\xff\xff") > 400
-    places = {re.sub(r"\d+", "N", one.where) for one in client.drawer.injected}
+    places = {re.sub(r"\d+", "N", one.where) for one in client.rig.injected}
     assert places == {"N bytes before", "N bytes before byte N", "N bytes after"}
 
 
@@ -303,7 +303,7 @@ def test_reboot_and_outage_by_the_clock() -> None:
         there.append((ask(client) == PONG, ask(client, ping2) == pong2))
     yes, no = True, False
     assert there == [(yes, yes), (yes, no), (yes, no), (no, no), (yes, no), (yes, no), (yes, yes)]
-    assert [(one.kind, one.number, one.where, one.time) for one in client.drawer.injected] == [
+    assert [(one.kind, one.number, one.where, one.time) for one in client.rig.injected] == [
         ("unplug", 0, "ids 2", 1.0),
         ("reboot", 0, "ids 1", 1.5),
     ]
@@ -313,11 +313,11 @@ def test_a_cut_chain_and_one_servo_by_chance() -> None:
     client = port("unplug@3-9#1-6", "rx28@1-5")
     answered = [bool(ask(client, b"\xff\xff%c\x02\x01%c" % (id, 252 - id))) for id in (1, 2, 3, 4, 5, 1, 3, 5)]
     assert answered == [True, True, False, False, False, True, True, True]
-    assert [one.where for one in client.drawer.injected] == ["ids 3, 4, 5"]
+    assert [one.where for one in client.rig.injected] == ["ids 3, 4, 5"]
     client.inject("unplug=0.1:0.2s")
     for id in itertools.islice(itertools.cycle((1, 2, 3, 4, 5)), 300):
         ask(client, b"\xff\xff%c\x02\x01%c" % (id, 252 - id))
-    assert {one.where for one in client.drawer.injected} == {f"ids {id}" for id in range(1, 6)}
+    assert {one.where for one in client.rig.injected} == {f"ids {id}" for id in range(1, 6)}
 
 
 def test_what_a_servo_was_going_to_say_is_not_said() -> None:
@@ -381,8 +381,8 @@ def test_one_seed_one_story() -> None:
     first, second = port(MIX.format(7)), port(MIX.format(7))
     heard = conversation(first, 200)
     assert heard == conversation(second, 200)
-    assert first.drawer.injected == second.drawer.injected
-    assert set(first.drawer.fault_counts) == {part.split("=")[0].split("@")[0] for part in MIX.split(",")[1:]}
+    assert first.rig.injected == second.rig.injected
+    assert set(first.rig.fault_counts) == {part.split("=")[0].split("@")[0] for part in MIX.split(",")[1:]}
     assert heard != conversation(port(MIX.format(8)), 200)
 
 
@@ -402,9 +402,9 @@ def test_pieces_make_no_difference(servos: str, more: str) -> None:
         whole.write(request)
         streams = streams[0] + until(whole, 9.0), streams[1] + until(cut, 0.00013)
     assert streams[0] == streams[1]
-    assert whole.drawer.fault_counts == cut.drawer.fault_counts
-    assert [(one.kind, one.number, one.where) for one in whole.drawer.injected] == [
-        (one.kind, one.number, one.where) for one in cut.drawer.injected
+    assert whole.rig.fault_counts == cut.rig.fault_counts
+    assert [(one.kind, one.number, one.where) for one in whole.rig.injected] == [
+        (one.kind, one.number, one.where) for one in cut.rig.injected
     ]
 
 
@@ -420,29 +420,29 @@ def test_each_fault_has_dice_of_its_own() -> None:
     alone, together = port("seed=5,drop=0.2"), port("seed=5,drop=0.2,flip=0.5,junk@after=0.5")
     conversation(alone)
     conversation(together)
-    assert [one for one in together.drawer.injected if one.kind == "drop"] == alone.drawer.injected
+    assert [one for one in together.rig.injected if one.kind == "drop"] == alone.rig.injected
 
 
 def test_how_often() -> None:
     client = port("seed=1,drop=0.1")
     conversation(client, 1000)
-    assert 60 < client.drawer.fault_counts["drop"] < 140  # 100 expected, ± 4 times the root of 90
-    assert len(client.drawer.injected) == client.drawer.fault_counts["drop"]
-    one = client.drawer.injected[0]
+    assert 60 < client.rig.fault_counts["drop"] < 140  # 100 expected, ± 4 times the root of 90
+    assert len(client.rig.injected) == client.rig.fault_counts["drop"]
+    one = client.rig.injected[0]
     assert (one.kind, one.wire) == ("drop", "dynamixel")
     assert one.where in {f"byte {k}" for k in range(6)}
     client.inject(None)
     assert conversation(client, 10) == [PONG] * 10
-    assert client.drawer.injected == []
+    assert client.rig.injected == []
 
 
 def test_each_wire_counts_for_itself() -> None:
     client = port("mute#2", "rx28@1,lx16a@1")
-    client.drawer.client_baud = None  # both understand
+    client.rig.client_baud = None  # both understand
     lx_request, lx_reply = FAMILIES["lx16a@1"]
     heard = [ask(client, request) for request in (PING, lx_request, PING, lx_request, PING)]
     assert heard == [PONG, lx_reply, b"", b"", PONG]
-    assert sorted(one.wire for one in client.drawer.injected) == ["dynamixel", "lewansoul"]
+    assert sorted(one.wire for one in client.rig.injected) == ["dynamixel", "lewansoul"]
 
 
 # Words
@@ -466,7 +466,7 @@ def test_values() -> None:
     assert read.text.startswith("seed=7 drop")
     assert not Faults.parse("seed=7")
     assert Faults.parse("jitter=1ms")
-    assert connect("virtual:rx28@1?clock=virtual&faults=skew@1=3%,drop@3").drawer.faults.skews == ((1, 1, 0.03),)
+    assert connect("virtual:rx28@1?clock=virtual&faults=skew@1=3%,drop@3").rig.faults.skews == ((1, 1, 0.03),)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 import pytest
 
-from servobus.virtual.wire.uart import Receiver, Wave, distort, understands
+from servobus.virtual.wire.uart import Receiver, Transmission, distort, understands
 
 PING = bytes.fromhex("FF FF 01 02 01 FB")
 
@@ -38,7 +38,7 @@ def test_garbage_is_deterministic_and_not_the_message(baud: float) -> None:
     assert distort(PING, 57142.9, baud) == distort(PING, 57142.9, baud) != PING
 
 
-def hear(waves: list[Wave], baud: float | None = 1e6) -> list[bytes]:
+def hear(waves: list[Transmission], baud: float | None = 1e6) -> list[bytes]:
     receiver, runs = Receiver(baud, 0.0), []
     while run := receiver.next_run(waves):
         receiver.since = run.resume
@@ -47,40 +47,40 @@ def hear(waves: list[Wave], baud: float | None = 1e6) -> list[bytes]:
 
 
 def test_waves_in_turn_stay_apart() -> None:
-    first = Wave(0.0, 1e6, b"abc")
-    assert hear([first, Wave(first.end, 1e6, b"de")]) == [b"abc", b"de"]
+    first = Transmission(0.0, 1e6, b"abc")
+    assert hear([first, Transmission(first.end, 1e6, b"de")]) == [b"abc", b"de"]
 
 
 def test_equal_waves_at_once_are_one() -> None:
-    assert b"".join(hear([Wave(0.0, 1e6, PING), Wave(0.0, 1e6, PING)])) == PING
+    assert b"".join(hear([Transmission(0.0, 1e6, PING), Transmission(0.0, 1e6, PING)])) == PING
 
 
 def test_aligned_bytes_merge_to_their_and() -> None:
-    waves = [Wave(0.0, 1e6, b"\xff\x0f\xf3"), Wave(0.0, 1e6, b"\xff\x3c\x35")]
+    waves = [Transmission(0.0, 1e6, b"\xff\x0f\xf3"), Transmission(0.0, 1e6, b"\xff\x3c\x35")]
     assert b"".join(hear(waves)) == b"\xff\x0c\x31"
 
 
 def test_what_comes_before_and_after_a_collision_is_heard() -> None:
-    waves = [Wave(0.0, 1e6, b"abcdef"), Wave(20e-6, 1e6, b"\x00")]
+    waves = [Transmission(0.0, 1e6, b"abcdef"), Transmission(20e-6, 1e6, b"\x00")]
     assert b"".join(hear(waves)) == b"ab\x00def"
 
 
 def test_a_later_byte_merges_into_the_one_it_meets() -> None:
-    heard = b"".join(hear([Wave(0.0, 1e6, b"\xff"), Wave(5e-6, 1e6, b"\xff")]))
+    heard = b"".join(hear([Transmission(0.0, 1e6, b"\xff"), Transmission(5e-6, 1e6, b"\xff")]))
     # 5 bits late, the start bit falls on data bit 4.
     assert heard == b"\xef"
 
 
 def test_receiver_without_speed_understands_all() -> None:
-    assert b"".join(hear([Wave(0.0, 9600, b"abc"), Wave(1.0, 1e6, b"def")], None)) == b"abcdef"
+    assert b"".join(hear([Transmission(0.0, 9600, b"abc"), Transmission(1.0, 1e6, b"def")], None)) == b"abcdef"
 
 
 def test_plain_waves_are_understood_by_all() -> None:
-    assert b"".join(hear([Wave(0.0, 9600, b"abc", plain=True)])) == b"abc"
+    assert b"".join(hear([Transmission(0.0, 9600, b"abc", plain=True)])) == b"abc"
 
 
 def test_limit_and_until() -> None:
-    receiver, waves = Receiver(1e6, 0.0), [Wave(0.0, 1e6, b"abcdef")]
+    receiver, waves = Receiver(1e6, 0.0), [Transmission(0.0, 1e6, b"abcdef")]
     limited = receiver.next_run(waves, limit=2)
     early = receiver.next_run(waves, until=39e-6)
     assert limited is not None
