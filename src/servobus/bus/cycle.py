@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 from servobus.bus.rate import Rate
 from servobus.bus.servo import Servo
-from servobus.core.exchange import Batch, Exchange, Job, Procedure, SetBaud, ask
+from servobus.core.exchange import Batch, Exchange, Job, Procedure, SetBaud
 from servobus.core.operation import Awaiting, Blocking, bus_method
 from servobus.core.registers import Register
 from servobus.core.units import show
@@ -277,7 +277,7 @@ class Cycle:
             if here is None:
                 yield SetBaud(part.servo.baud)
                 present = target.model.register("present_position")
-                (found,) = yield from ask(target.model.family.read(target, [present]))
+                (found,) = yield from target.model.family.read(target, [present])
                 here = present.decode(found)
             notes.check_step(str(target), abs(row.decode(raw) - here))
 

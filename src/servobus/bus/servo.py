@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from enum import IntFlag
 from typing import Any, TypeVar
 
-from servobus.core.exchange import Exchange, Job, Procedure, ask
+from servobus.core.exchange import Exchange, Job, Procedure
 from servobus.core.operation import bus_method
 from servobus.core.registers import Register
 from servobus.core.units import Flags
@@ -153,7 +153,7 @@ class Servo:
     @bus_method
     def read_many(self, registers: Sequence[Register[Any]]) -> Procedure[dict[str, Any]]:
         """Read several registers in as few exchanges as possible; gives name -> value."""
-        values = yield from ask(self.family.read(self.target, [self._own(register) for register in registers]))
+        values = yield from self.family.read(self.target, [self._own(register) for register in registers])
         return {register.name: register.decode(raw) for register, raw in zip(registers, values, strict=True)}
 
     @bus_method

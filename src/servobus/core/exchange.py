@@ -5,8 +5,8 @@ Jobs of several steps are generators of them (`Procedure`), so that the blocking
 driver carry out the same code:
 
     def read_twice(first, second):
-        a = yield from ask(first)
-        b = yield from ask(second)
+        a = yield from first
+        b = yield from second
         return a, b
 """
 
@@ -109,6 +109,11 @@ class Exchange(Generic[T]):
     def __repr__(self) -> str:
         return f"<{self.what}>"
 
+    def __iter__(self) -> "Procedure[T]":
+        """Be a procedure of one step, so that `value = yield from exchange` reads as it does for procedures."""
+        result: T = yield self
+        return result
+
     def mapped(self, interpret: Callable[[Packet], S]) -> "Exchange[S]":
         """Make the same question with another way to read the answer."""
         return Exchange(
@@ -163,14 +168,6 @@ class Batch:
 Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Batch
 Procedure: TypeAlias = Generator[Step, Any, T]
 Job: TypeAlias = Exchange[T] | Procedure[T]
-
-
-def ask(job: Job[T]) -> Procedure[T]:
-    """Carry out one job inside a procedure: `value = yield from ask(job)`."""
-    if isinstance(job, Exchange):
-        result: T = yield job
-        return result
-    return (yield from job)
 
 
 def ack_only(_: Packet) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import IntEnum
 from typing import Any, ClassVar, TypeVar
 
-from servobus.core.exchange import Exchange, Procedure, Reply, ask
+from servobus.core.exchange import Exchange, Procedure, Reply
 from servobus.core.framing import Framing, Packet
 from servobus.core.registers import Area, EepRam, Int, Register, RegisterMap
 from servobus.core.values import frozen
@@ -259,7 +259,7 @@ class Family(ABC):
         worn = [register for register in values if self.wears(register, keep=keep)]
         same: frozenset[Register[Any]] = frozenset()
         if worn and target.answers is not Answers.NOTHING:  # what cannot be read cannot be compared
-            present = yield from ask(self.read_stored(target, worn))
+            present = yield from self.read_stored(target, worn)
             same = frozenset(
                 register
                 for register, raw in zip(worn, present, strict=True)
@@ -292,7 +292,7 @@ class Family(ABC):
         if not goals or notes.max_step is None:
             return
         row = target.model.register("present_position")
-        (here,) = yield from ask(self.read(target, [row]))
+        (here,) = yield from self.read(target, [row])
         for goal in goals:
             notes.check_step(str(target), abs(goal.decode(values[goal]) - row.decode(here)))
 
@@ -422,7 +422,7 @@ def fetch(reading: Reading) -> Procedure[list[int]]:
     """Ask for registers; gives their raw values."""
     answers: list[bytes] = []
     for exchange in reading.exchanges:
-        answers += [(yield from ask(exchange))]
+        answers += [(yield from exchange)]
     return reading.values(answers)
 
 

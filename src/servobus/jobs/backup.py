@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from servobus.core.exchange import Procedure, ask
+from servobus.core.exchange import Procedure
 from servobus.core.registers import Area, Register
 from servobus.core.values import frozen
 from servobus.errors import BusError, UsageError
@@ -72,7 +72,7 @@ def _identity_names(model: type[Model]) -> set[str]:
 def backup(target: ServoRef, firmware: str, baud: int) -> Procedure[Backup]:
     """Read all settings that survive power-off."""
     rows = _settings(target.model)
-    values = yield from ask(target.model.family.read_stored(target, rows))
+    values = yield from target.model.family.read_stored(target, rows)
     return Backup(
         target.model,
         firmware,
@@ -90,12 +90,12 @@ def restore(target: ServoRef, saved: Backup) -> Procedure[list[str]]:
         )
     skip = _identity_names(target.model)
     rows = [row for row in _settings(target.model) if row.name in saved.values and row.name not in skip]
-    present = yield from ask(target.model.family.read_stored(target, rows))
+    present = yield from target.model.family.read_stored(target, rows)
     changes = {
         row: saved.values[row.name] for row, raw in zip(rows, present, strict=True) if raw != saved.values[row.name]
     }
     yield from target.model.family.store(target, changes)
-    after = yield from ask(target.model.family.read_stored(target, list(changes)))
+    after = yield from target.model.family.read_stored(target, list(changes))
     wrong = [row.name for row, raw in zip(changes, after, strict=True) if raw != changes[row]]
     if wrong:
         raise BusError(f"{target} did not take {', '.join(wrong)}")

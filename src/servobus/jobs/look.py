@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from servobus.core.exchange import Procedure, SetBaud, ask
+from servobus.core.exchange import Procedure, SetBaud
 from servobus.core.registers import Register
 from servobus.core.units import show
 from servobus.core.values import frozen
@@ -34,7 +34,7 @@ def look(target: ServoRef) -> Procedure[Snapshot]:
     """Read position, voltage, temperature and torque."""
     names = ("present_position", "present_voltage", "present_temperature", "torque_enable")
     rows = [target.model.register(name) for name in names]
-    raw = yield from ask(target.model.family.read(target, rows))
+    raw = yield from target.model.family.read(target, rows)
     position, voltage, temperature, _ = (row.decode(value) for row, value in zip(rows, raw, strict=True))
     return Snapshot(position, voltage, temperature, target.model.family.torque_on(raw[3]))
 
@@ -55,7 +55,7 @@ def verify(target: ServoRef) -> Procedure[None]:
     if notes is None or not notes.ram:
         return
     rows = list(notes.ram)
-    raws = yield from ask(family.read(target, rows))
+    raws = yield from family.read(target, rows)
     lost = {row: raw for row, raw in zip(rows, raws, strict=True) if raw != notes.ram[row]}
     torque = target.model.register("torque_enable")
     if torque in lost and family.torque_on(notes.ram[torque]) and not family.torque_on(lost[torque]):

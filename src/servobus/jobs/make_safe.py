@@ -1,6 +1,6 @@
 """Making one servo safe: hold it, free it or brake it."""
 
-from servobus.core.exchange import Procedure, ask
+from servobus.core.exchange import Procedure
 from servobus.core.values import replace
 from servobus.errors import BusError
 from servobus.families.base import Answers, ServoRef
@@ -14,7 +14,7 @@ def make_safe(target: ServoRef, action: SafeAction) -> Procedure[None]:
         yield from family.torque(target, on=False)
         # Most servos do not answer to that: it may have been lost.
         if target.answers is not Answers.NOTHING:
-            (torque,) = yield from ask(family.read(target, [target.model.register("torque_enable")]))
+            (torque,) = yield from family.read(target, [target.model.register("torque_enable")])
             if family.torque_on(torque):
                 raise BusError(f"{target}: its torque is still on")
     elif action == "brake":

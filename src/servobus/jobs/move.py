@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Real
 
-from servobus.core.exchange import Pause, Procedure, ask
+from servobus.core.exchange import Pause, Procedure
 from servobus.core.units import deg, show
 from servobus.core.values import frozen
 from servobus.errors import BadValue, MoveTimeout, Stopped, TorqueOff, UsageError
@@ -173,7 +173,7 @@ def wait_arrival(course: PlannedMove, *, timeout: float | None = None, tolerance
             keep_alive(axis.target)
             given_up = _given_up(axis.target)
             moving = yield from axis.target.model.family.moving(axis.target)
-            (raw,) = yield from ask(axis.target.model.family.read(axis.target, [row]))
+            (raw,) = yield from axis.target.model.family.read(axis.target, [row])
             if not moving and abs(row.decode(raw) - row.decode(axis.goal)) <= tolerance:
                 break
             here, goal = row.show(row.decode(raw)), row.show(row.decode(axis.goal))

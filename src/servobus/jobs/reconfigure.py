@@ -6,7 +6,7 @@ it should be now, then where it was. Nothing is told twice before it is known th
 
 from collections.abc import Callable
 
-from servobus.core.exchange import Procedure, SetBaud, ask
+from servobus.core.exchange import Procedure, SetBaud
 from servobus.core.ids import check_id
 from servobus.core.registers import Area, Register
 from servobus.core.values import frozen, replace
@@ -87,9 +87,9 @@ def reset(target: ServoRef, baud: int, keep: frozenset[str]) -> Procedure[End]:
             yield from family.reset(servo, keep)
             return
         rows = _resettable(target.model)
-        before = yield from ask(family.read_stored(servo, rows))
+        before = yield from family.read_stored(servo, rows)
         yield from family.reset(servo, keep)
-        after = yield from ask(family.read_stored(servo, rows))
+        after = yield from family.read_stored(servo, rows)
         if before == after and any(raw != row.default for row, raw in zip(rows, before, strict=True)):
             raise BusError(f"{target} still has its settings: it did not take the reset")
 
@@ -163,7 +163,7 @@ def _reach(family: Family, end: End) -> Procedure[BusError | None]:
     """Ask at an end whether somebody is there; give what went wrong."""
     yield SetBaud(end.baud)
     try:
-        yield from ask(family.ping(end.id))
+        yield from family.ping(end.id)
     except BusError as error:
         return error
     return None

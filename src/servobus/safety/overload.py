@@ -10,7 +10,7 @@
 
 from enum import IntEnum
 
-from servobus.core.exchange import Procedure, ask
+from servobus.core.exchange import Procedure
 from servobus.core.units import deg
 from servobus.core.values import frozen
 from servobus.errors import BadValue
@@ -126,7 +126,7 @@ class Protection:
             notes.speed_factor = 0.5
             return
         row = target.model.register(name)
-        (limit,) = yield from ask(target.model.family.read(target, [row]))
+        (limit,) = yield from target.model.family.read(target, [row])
         least = 1 if self.output_limit is None else self.output_limit // 2
         if limit > least:  # after a restart it has all again
             yield from target.model.family.write(target, {row: limit // 2})
@@ -137,7 +137,7 @@ class Protection:
             target.notes.speed_factor = 1.0
         if self.output_limit is not None:
             row = target.model.register(target.model.family.output_limit)
-            (limit,) = yield from ask(target.model.family.read(target, [row]))
+            (limit,) = yield from target.model.family.read(target, [row])
             # an RX-28 that has shut down has none, and would jump if it got some
             if limit == self.output_limit // 2:
                 yield from target.model.family.write(target, {row: self.output_limit})
@@ -147,7 +147,7 @@ class Protection:
 def protection(target: ServoRef, thresholds: Thresholds) -> Procedure[Protection]:
     """Make the protection of a servo: its limit is the one set in it."""
     row = target.model.register("max_temperature")
-    (raw,) = yield from ask(target.model.family.read(target, [row]))
+    (raw,) = yield from target.model.family.read(target, [row])
     return Protection(Guard(row.decode(raw), thresholds))
 
 
@@ -156,7 +156,7 @@ def protect(target: ServoRef, protection: Protection, now: float, action: SafeAc
     family = target.model.family
     names = ("present_temperature", "present_position")
     rows = [target.model.register(name) for name in names]
-    temperature, position = yield from ask(family.read(target, rows))
+    temperature, position = yield from family.read(target, rows)
     notes = target.notes
     # Of one that we do not drive, or have stopped, a goal that it never reached says nothing.
     pushing = notes is not None and notes.driven and not notes.stopped

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from servobus.core.exchange import Collector, Exchange, Job, Pause, ask
+from servobus.core.exchange import Collector, Exchange, Job, Pause
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Corrupt, Noise, Packet
 from servobus.core.registers import Pair, Register
 from servobus.errors import BadValue, NoReply, UsageError
@@ -50,7 +50,7 @@ class Pretender:
         self.steps: list[str] = []
 
     def run_blocking(self, job: Job[Any]) -> Any:
-        steps = ask(job)
+        steps = iter(job)
         result: Any = None
         while True:
             try:

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Procedure, Reply, ask
+from servobus.core.exchange import Exchange, Procedure, Reply
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Address, Area, Register
@@ -70,9 +70,9 @@ class Dynamixel1(Family):
     def identify(self, id: int) -> Procedure[Identity]:
         """Read model number, firmware and return level; a servo at level 0 answers PING alone (D-22)."""
         try:
-            data = yield from ask(read_data(check_id(id), 0, 17))
+            data = yield from read_data(check_id(id), 0, 17)
         except NoReply:
-            yield from ask(ping(id))
+            yield from ping(id)
             return Identity(None, "", Answers.NOTHING)
         return Identity(int.from_bytes(data[:2], "little"), str(data[2]), Answers(min(data[16], 2)))
 
@@ -112,7 +112,7 @@ class Dynamixel1(Family):
         """Ask for Lock: once it is on, only addresses 24 to 35 can be written until power-off (3-4-2 Lock)."""
         if target.answers is Answers.NOTHING:
             return
-        (locked,) = yield from ask(self.read(target, [target.model.register("lock")]))
+        (locked,) = yield from self.read(target, [target.model.register("lock")])
         if locked:
             names = ", ".join(register.name for register in registers)
             raise UsageError(
@@ -123,7 +123,7 @@ class Dynamixel1(Family):
     def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
         names = ("present_position", "torque_enable", "cw_angle_limit", "ccw_angle_limit")
         rows = [target.model.register(name) for name in names]
-        position, torque, low, high = yield from ask(self.read(target, rows))
+        position, torque, low, high = yield from self.read(target, rows)
         return MotionStatus(rows[0].decode(position), bool(torque), low, high, turning=low == high == 0)
 
     def check_axis(self, axis: AxisMove) -> None:
@@ -142,7 +142,7 @@ class Dynamixel1(Family):
         most = (RX_BUFFER - 8) // 5
         ids = list(data)
         for start in range(0, len(ids), most):
-            yield from ask(sync_write(goal, {id: data[id] for id in ids[start : start + most]}))
+            yield from sync_write(goal, {id: data[id] for id in ids[start : start + most]})
 
     def goals(self, goals: Mapping[ServoRef, int], time: float) -> list[Exchange[None]]:  # noqa: ARG002 - it has a speed
         """SYNC_WRITE, as many as 143 bytes each can hold (3-5-7)."""
@@ -153,7 +153,7 @@ class Dynamixel1(Family):
         return [sync_write(address, {target.id: part for target, part in run}) for run in runs]
 
     def moving(self, target: ServoRef) -> Procedure[bool]:
-        (moving,) = yield from ask(self.read(target, [target.model.register("moving")]))
+        (moving,) = yield from self.read(target, [target.model.register("moving")])
         return bool(moving)
 
     def stop(self, target: ServoRef) -> Procedure[None]:
@@ -162,7 +162,7 @@ class Dynamixel1(Family):
         if motion_status.turning:
             yield from self.write(target, {model.register("moving_speed"): 0})
             return
-        (position,) = yield from ask(self.read(target, [model.register("present_position")]))
+        (position,) = yield from self.read(target, [model.register("present_position")])
         yield from self.write(target, {model.register("goal_position"): position})
 
     def torque(self, target: ServoRef, on: bool) -> Procedure[None]:
@@ -177,7 +177,7 @@ class Dynamixel1(Family):
 
     def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("present_load", "torque_limit")]
-        load, limit = yield from ask(self.read(target, rows))
+        load, limit = yield from self.read(target, rows)
         return abs(load) / limit if limit else 0.0
 
     def read_alarms(self, target: ServoRef) -> Procedure[int]:
@@ -194,7 +194,7 @@ class Dynamixel1(Family):
         model = target.model
         enable, limit = model.register("torque_enable"), model.register("torque_limit")
         rows = [enable, limit, model.register("max_torque"), model.register("alarm_shutdown")]
-        on, limited, most, mask = yield from ask(self.read(target, rows))
+        on, limited, most, mask = yield from self.read(target, rows)
         if on and limited:
             return
         yield from self.write(target, {enable: 0})
@@ -208,7 +208,7 @@ class Dynamixel1(Family):
         if motion_status.turning:
             yield from self._write_raw_speed(target, 0)  # what it turned with before would set it going again
         yield from self.torque(target, on=True)
-        on, limited = yield from ask(self.read(target, rows[:2]))
+        on, limited = yield from self.read(target, rows[:2])
         if not (on and limited):
             raise BusError(f"{target}: the torque did not come on")
 
@@ -252,7 +252,7 @@ class Dynamixel1(Family):
     def reset(self, target: ServoRef, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         if keep:
             raise cannot(target, f"keep {', '.join(sorted(keep))}", "RESET restores everything, id and baud included")
-        yield from ask(reset(target.id, answered=_answers(target)))
+        yield from reset(target.id, answered=_answers(target))
         return 1, self.default_baud
 
     def set_id(self, target: ServoRef, id: int) -> Procedure[None]:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ack_only, ask
+from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ack_only
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Eep, EepRam, Ram, Register
@@ -103,10 +103,10 @@ class Herkulex(Family):
     def identify(self, id: int) -> Procedure[Identity]:
         """Read model, version and ACK Policy; a servo with policy 0 answers STAT alone (H-25)."""
         try:
-            model = yield from ask(eep_read(id, 0, 4))
-            policy = yield from ask(ram_read(id, ACK_POLICY, 1))
+            model = yield from eep_read(id, 0, 4)
+            policy = yield from ram_read(id, ACK_POLICY, 1)
         except NoReply:
-            yield from ask(stat(id))
+            yield from stat(id)
             return Identity(None, "", Answers.NOTHING)
         # Version bytes 00 90 read as "0.90": an assumption, the manual does not say how they are written.
         return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", Answers(min(policy[0], 2)))
@@ -144,7 +144,7 @@ class Herkulex(Family):
     def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
         names = ("calibrated_position", "torque_control", "min_position", "max_position", "current_control_mode")
         rows = [target.model.register(name) for name in names]
-        position, torque, low, high, mode = yield from ask(self.read(target, rows))
+        position, torque, low, high, mode = yield from self.read(target, rows)
         on = torque == TorqueControl.ON
         return MotionStatus(rows[0].decode(position), on, low, high, turning=mode == ControlMode.INFINITE_TURN)
 
@@ -156,11 +156,11 @@ class Herkulex(Family):
         elif len(set(playtimes)) == 1:
             jogs = [Jog(axis.target.id, axis.goal) for axis in axes]
             for i in range(0, len(jogs), MOST_S_JOG):
-                yield from ask(s_jog(BROADCAST, playtimes[0], jogs[i : i + MOST_S_JOG]))
+                yield from s_jog(BROADCAST, playtimes[0], jogs[i : i + MOST_S_JOG])
         else:
             jogs = [Jog(axis.target.id, axis.goal, playtime=time) for axis, time in zip(axes, playtimes, strict=True)]
             for i in range(0, len(jogs), MOST_I_JOG):
-                yield from ask(i_jog(BROADCAST, jogs[i : i + MOST_I_JOG]))
+                yield from i_jog(BROADCAST, jogs[i : i + MOST_I_JOG])
 
     def goals(self, goals: Mapping[ServoRef, int], time: float) -> list[Exchange[None]]:
         """S_JOG, up to 53 servos each. The lights go out."""
@@ -174,7 +174,7 @@ class Herkulex(Family):
 
     def moving(self, target: ServoRef) -> Procedure[bool]:
         """Moving, and not yet in position: the moving flag alone stays for Stop Detection Period, 302 ms."""
-        ack = yield from ask(stat(target.id))
+        ack = yield from stat(target.id)
         return ack.status_detail & (StatusDetail.MOVING | StatusDetail.INPOSITION) == StatusDetail.MOVING
 
     def stop(self, target: ServoRef) -> Procedure[None]:
@@ -194,14 +194,14 @@ class Herkulex(Family):
         state = TorqueControl.ON if on else TorqueControl.FREE
         yield from self.write(target, {target.model.register("torque_control"): state})
         if on:
-            ack = yield from ask(stat(target.id))
+            ack = yield from stat(target.id)
             if ack.status_error and StatusDetail.TORQUE_ON not in ack.status_detail:
                 why = f"because of {show_flags(ack.status_error)}; rearm() clears what is over"
                 raise Refused(f"{target}: torque stays off {why}", ack.status_error)
 
     def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("pwm", "max_pwm")]
-        pwm, limit = yield from ask(self.read(target, rows))
+        pwm, limit = yield from self.read(target, rows)
         return abs(pwm) / limit if limit else 0.0
 
     def brake(self, target: ServoRef) -> Procedure[None]:
@@ -210,7 +210,7 @@ class Herkulex(Family):
 
     def read_alarms(self, target: ServoRef) -> Procedure[int]:
         """STAT: Status Error, in which every alarm stays until it is cleared (6-3 Example 2)."""
-        return (yield from ask(stat(target.id))).status_error
+        return (yield from stat(target.id)).status_error
 
     def rearm(self, target: ServoRef) -> Procedure[None]:
         """Clear Status Error and Status Detail, then switch the torque on: it takes the present position (H-51).
@@ -223,8 +223,8 @@ class Herkulex(Family):
             yield from self._clear(target)
             return
         names = ("torque_policy", "voltage", "min_voltage", "max_voltage", "temperature", "max_temperature")
-        policy, volts, low, high, celsius, hottest = yield from ask(
-            self.read(target, [model.register(name) for name in names])
+        policy, volts, low, high, celsius, hottest = yield from self.read(
+            target, [model.register(name) for name in names]
         )
         standing = StatusError(0)
         if not low <= volts <= high:
@@ -247,10 +247,10 @@ class Herkulex(Family):
         """Write 0 to Status Error and Status Detail; give what stands there afterwards."""
         clear = {target.model.register(name): 0 for name in ("status_error", "status_detail")}
         yield from self.write(target, clear)
-        ack = yield from ask(stat(target.id))
+        ack = yield from stat(target.id)
         if ack.status_error:  # by default a write is not answered: it may have been lost
             yield from self.write(target, clear)
-            ack = yield from ask(stat(target.id))
+            ack = yield from stat(target.id)
         return ack.status_error
 
     def turn(self, target: ServoRef, *, speed: float | None, output: float | None) -> Procedure[None]:
@@ -289,7 +289,7 @@ class Herkulex(Family):
         if target.notes is not None:
             target.notes.forget()
         try:
-            yield from ask(reboot(target.id, answered=_answers(target)))
+            yield from reboot(target.id, answered=_answers(target))
         except BusError:
             yield Pause(BOOT_TIME)  # it may be on its way all the same
             raise
@@ -301,13 +301,13 @@ class Herkulex(Family):
         id, baud = (target.model.register(name) for name in ("id", "baud_rate"))
         new_id, code = id.default, baud.default
         if "id" in keep:
-            (new_id,) = yield from ask(self.read_stored(target, [id]))
+            (new_id,) = yield from self.read_stored(target, [id])
         if "baud" in keep:
-            (code,) = yield from ask(self.read_stored(target, [baud]))
+            (code,) = yield from self.read_stored(target, [baud])
         assert new_id is not None
         assert code is not None
         kept = Keep(sum(_KEEPS[name] for name in keep))
-        yield from ask(rollback(target.id, kept, answered=_answers(target)))
+        yield from rollback(target.id, kept, answered=_answers(target))
         yield Pause(EEP_TIME)
         yield from self.reboot(target)
         return new_id, baud.decode(code)
@@ -339,14 +339,14 @@ class Herkulex(Family):
             yield from _send(target, [part])
             return
         for _ in range(2):
-            (kept,) = yield from ask(self.read_stored(target, [row]))
+            (kept,) = yield from self.read_stored(target, [row])
             if kept == raw:
                 return
             if target.notes is not None:
                 target.notes.check_wear(str(target), [row])
                 target.notes.wrote([row])
             yield from _send(target, [part])
-        (kept,) = yield from ask(self.read_stored(target, [row]))
+        (kept,) = yield from self.read_stored(target, [row])
         if kept != raw:
             raise BusError(f"{target} did not keep {row.name} = {raw}: it is {kept}")
 
@@ -432,10 +432,10 @@ def _send(target: ServoRef, parts: Iterable[tuple[_Spot, bytes]]) -> Procedure[N
     for (area, address), data in parts:
         maps[area][address] = data
     for address, data in adjacent(maps[Area.EEPROM]):
-        yield from ask(eep_write(target.id, address, data, answered=_answers(target)))
+        yield from eep_write(target.id, address, data, answered=_answers(target))
     for address, data in reversed(adjacent(maps[Area.RAM])):
         new_policy = address <= ACK_POLICY < address + len(data)
-        yield from ask(ram_write(target.id, address, data, answered=_answers(target) and not new_policy))
+        yield from ram_write(target.id, address, data, answered=_answers(target) and not new_policy)
         if new_policy:
             # Whether the old or the new policy rules the ACK is an assumption (H-30): let one pass unheard.
             yield Pause(2 * TURNAROUND)
@@ -446,7 +446,7 @@ def _answers(target: ServoRef) -> bool:
 
 
 def _jog(target: ServoRef, jog: Jog) -> Procedure[None]:
-    yield from ask(i_jog(target.id, [jog], answered=_answers(target)))
+    yield from i_jog(target.id, [jog], answered=_answers(target))
 
 
 def _playtime(axis: AxisMove) -> int:

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ack_only, ask
+from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ack_only
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Pair, Register
@@ -74,7 +74,7 @@ class Lewansoul(Family):
 
     def identify(self, id: int) -> Procedure[Identity]:
         """Only presence can be found out: the protocol has no question for model or firmware."""
-        yield from ask(self.ping(id))
+        yield from self.ping(id)
         return Identity(None, "", Answers.READS)
 
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
@@ -108,7 +108,7 @@ class Lewansoul(Family):
     def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
         names = ("present_position", "torque_enable", "min_position", "max_position", "mode")
         rows = [target.model.register(name) for name in names]
-        position, torque, low, high, mode = yield from ask(self.read(target, rows))
+        position, torque, low, high, mode = yield from self.read(target, rows)
         return MotionStatus(rows[0].decode(position), bool(torque), low, high, turning=mode == Mode.MOTOR)
 
     def start_moves(self, axes: Sequence[AxisMove]) -> Procedure[None]:
@@ -116,9 +116,9 @@ class Lewansoul(Family):
         give = move_time_write if len(axes) == 1 else move_time_wait_write
         times = [axis.target.model.register("goal_time").encode(axis.duration) for axis in axes]
         for axis, time in zip(axes, times, strict=True):
-            yield from ask(give(axis.target.id, axis.goal, time))
+            yield from give(axis.target.id, axis.goal, time)
         if len(axes) > 1:
-            yield from ask(move_start())
+            yield from move_start()
 
     def goals(self, goals: Mapping[ServoRef, int], time: float) -> list[Exchange[None]]:
         """Have each keep its move, and start them together; see `start_moves`."""
@@ -129,17 +129,17 @@ class Lewansoul(Family):
     def moving(self, target: ServoRef) -> Procedure[bool]:
         """Compare two positions: no flag tells. Slower than one unit in 50 ms (4.8°/s) counts as rest."""
         row = [target.model.register("present_position")]
-        before = yield from ask(self.read(target, row))
+        before = yield from self.read(target, row)
         yield Pause(WATCH)
-        after = yield from ask(self.read(target, row))
+        after = yield from self.read(target, row)
         return before != after
 
     def stop(self, target: ServoRef) -> Procedure[None]:
         # First what ends a move, then the question that costs time. What command 12 does in motor mode
         # is not said, so there the speed is set to 0.
-        yield from ask(move_stop(target.id))
+        yield from move_stop(target.id)
         if (yield from self._mode(target)) == Mode.MOTOR:
-            yield from ask(mode_write(target.id, Mode.MOTOR, 0))
+            yield from mode_write(target.id, Mode.MOTOR, 0)
 
     def torque(self, target: ServoRef, on: bool) -> Procedure[None]:
         """Nothing jumps: a servo that is loaded holds the angle at which it is (L-70, assumption)."""
@@ -149,14 +149,14 @@ class Lewansoul(Family):
         """Nothing tells the output: one that holds and is not near its goal is taken to push with all it has."""
         names = ("torque_enable", "mode", "goal_position", "present_position")
         rows = [target.model.register(name) for name in names]
-        torque, mode, goal, here = yield from ask(self.read(target, rows))
+        torque, mode, goal, here = yield from self.read(target, rows)
         return float(torque and mode == Mode.POSITION and abs(goal - here) > FAR)
 
     def read_alarms(self, target: ServoRef) -> Procedure[Alarm]:
         """Compare temperature and supply with their limits: no packet tells the alarms, and none a locked rotor."""
         names = ("present_temperature", "max_temperature", "present_voltage", "min_voltage", "max_voltage")
         rows = [target.model.register(name) for name in names]
-        celsius, hottest, volts, low, high = yield from ask(self.read(target, rows))
+        celsius, hottest, volts, low, high = yield from self.read(target, rows)
         alarms = Alarm(0)
         if celsius > hottest:
             alarms |= Alarm.OVER_TEMPERATURE
@@ -178,11 +178,11 @@ class Lewansoul(Family):
             return
         yield from self.torque(target, on=False)
         if motion_status.turning:
-            yield from ask(mode_write(target.id, Mode.MOTOR, 0))
+            yield from mode_write(target.id, Mode.MOTOR, 0)
         else:
-            (here,) = yield from ask(self.read(target, [target.model.register("present_position")]))
+            (here,) = yield from self.read(target, [target.model.register("present_position")])
             if motion_status.low <= here <= motion_status.high:  # else it would run to the nearer limit
-                yield from ask(move_time_write(target.id, here, 0))
+                yield from move_time_write(target.id, here, 0)
         yield from self.torque(target, on=True)
         if not (yield from self.motion_status(target)).torque:
             raise BusError(f"{target}: the torque did not come on")
@@ -192,7 +192,7 @@ class Lewansoul(Family):
         if output is None or speed is not None:
             raise cannot(target, "turn at a given speed", "motor mode has no speed control; give output=-1..1")
         duty = round(check_output(output) * FULL_OUTPUT)
-        yield from ask(mode_write(target.id, Mode.MOTOR, duty))
+        yield from mode_write(target.id, Mode.MOTOR, duty)
 
     def position_mode(self, target: ServoRef, limits: tuple[int, int] | None) -> Procedure[None]:
         """Motor mode leaves the angle limits alone, so `limits` are written only where they are given."""
@@ -200,7 +200,7 @@ class Lewansoul(Family):
             rows = (target.model.register("min_position"), target.model.register("max_position"))
             yield from self.write(target, {row: row.check(raw) for row, raw in zip(rows, limits, strict=True)})
         if (yield from self._mode(target)) == Mode.MOTOR:
-            yield from ask(mode_write(target.id, Mode.POSITION))
+            yield from mode_write(target.id, Mode.POSITION)
 
     def led(self, target: ServoRef, colour: str) -> Procedure[None]:
         if colour not in ("on", "off"):
@@ -251,7 +251,7 @@ class Lewansoul(Family):
         return Question(Reply(None if everybody else packet.id, int(command), (length_of(command.reply),)))
 
     def _mode(self, target: ServoRef) -> Procedure[int]:
-        (mode,) = yield from ask(self.read(target, [target.model.register("mode")]))
+        (mode,) = yield from self.read(target, [target.model.register("mode")])
         return mode
 
     def _write(self, target: ServoRef, values: Mapping[Register[Any], int], *, save: bool) -> Procedure[None]:
@@ -263,16 +263,16 @@ class Lewansoul(Family):
             if command in _LIMITS and parameters[0] >= parameters[1]:
                 low, high = parameters
                 raise BadValue(f"{target}: the lower limit {low} is not below the upper one, {high} (raw)")
-            yield from ask(send(target.id, command, *parameters))
+            yield from send(target.id, command, *parameters)
             if save and command is Command.SERVO_ANGLE_OFFSET_ADJUST:
-                yield from ask(angle_offset_write(target.id))
+                yield from angle_offset_write(target.id)
 
     def _rest(self, target: ServoRef, command: Command, group: Mapping[Register[Any], int]) -> Procedure[bytearray]:
         """Give the command's parameters as they are in the servo, or zeros where all of them are given."""
         given = {_pair(register).at for register in group}
         if given >= {at for name, _, at in places_of(command.params) if name != "null"}:
             return bytearray(length_of(command.params))
-        old = yield from ask(_parameters(target.id, _pair(next(iter(group))).read))
+        old = yield from _parameters(target.id, _pair(next(iter(group))).read)
         return bytearray(old)
 
 
