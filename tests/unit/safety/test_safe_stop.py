@@ -436,8 +436,8 @@ def test_whoever_takes_the_line_over_waits_for_what_is_under_way() -> None:
     bus = Bus(port, echo=False)
     question = bus.attach(RX28, 1)._question(RX28.present_temperature)
     port.write(question.request)
-    with bus._take_over(interrupt=True) as link:
-        assert run_blocking(link, link.transact(question)) == 33.0
+    with bus._take_over(True) as (link, line, turn):
+        assert run_blocking(link, link.transact(question), line, turn) == 33.0
 
 
 def test_nothing_moves_any_more_once_the_bus_ends() -> None:
