@@ -151,6 +151,12 @@ class Pause:
     shared: bool = False
 
 
+class Now:
+    """Step of a procedure: gives the time, in seconds of the port's own clock, which may be virtual."""
+
+    __slots__ = ()
+
+
 @frozen
 class Batch:
     """Step of a procedure: several questions of one family, each sent before the answer to the last is in.
@@ -165,7 +171,7 @@ class Batch:
     again: bool = True
 
 
-Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Batch
+Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Batch | Now
 Procedure: TypeAlias = Generator[Step, Any, T]
 Job: TypeAlias = Exchange[T] | Procedure[T]
 

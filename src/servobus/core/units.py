@@ -14,6 +14,7 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from contextlib import suppress
 from enum import IntEnum, IntFlag
 from numbers import Integral, Real
 from typing import Any, Generic, TypeVar
@@ -138,10 +139,11 @@ class Choice(Scale[EnumT]):
         return self.options(raw)
 
     def encode(self, value: EnumT) -> int:
-        try:
-            option = None if isinstance(value, bool) else self.options(value)  # True would be the option with number 1
-        except (ValueError, TypeError):
-            option = None
+        given: Any = value
+        option: EnumT | None = None
+        if not isinstance(given, bool):  # True would be the option with number 1
+            with suppress(ValueError, TypeError):
+                option = self.options(given)
         if option is None:
             raise ValueError(f"{_said(value)} is not one of {self._names()}")
         return int(option)
