@@ -36,12 +36,17 @@ from servobus.errors import Stopped
 
 
 class Priority(IntEnum):
-    """What a turn is for; the lower comes first, and of two equal ones the one that has waited longer."""
+    """What a turn is for; the lower comes first, and of two equal ones the one that asked first."""
 
     STOP = 0
     MOTION = 1
     READ = 2
     SCAN = 3
+
+
+AGEING = 8
+"""Hand-overs after which a waiting turn counts as one step more urgent: else busy readers would keep a scan waiting for
+ever. Assumption: so a scan beside them gets about a tenth of the line."""
 
 
 class State(Enum):
@@ -61,12 +66,14 @@ class Turn:
     nested    whether its thread held the line already: then that turn keeps the line when this one ends
     """
 
-    __slots__ = ("_wake", "nested", "priority", "state", "thread")
+    __slots__ = ("_wake", "nested", "overtaken", "priority", "state", "thread")
 
     def __init__(self, priority: Priority = Priority.READ) -> None:
         self.priority = priority
         self.state = State.IDLE
         self.nested = False
+        self.overtaken = 0
+        """Hand-overs for which it has waited."""
         self.thread = 0
         """Thread that holds the line with this turn; 0 for a task, which shares its thread with other tasks."""
         self._wake: Callable[[], bool] | None = None
@@ -249,13 +256,15 @@ class LineOwnership:
         """
         while self._holder is None and self._waiting:
             turn = min(self._waiting, key=_urgency)
-            alive = turn._wake is None or turn._wake()
-            self._waiting.remove(turn)
-            if alive:
+            for other in self._waiting:
+                other.overtaken += 1
+            if turn._wake is None or turn._wake():
                 self._holder, turn.state = turn, State.HOLDING
             else:
                 turn.state = State.ENDED
+            self._waiting.remove(turn)
 
 
 def _urgency(turn: Turn) -> int:
-    return turn.priority
+    """Give how urgent a turn is now: one that waited long counts as more urgent, but never as a stop."""
+    return max(turn.priority - turn.overtaken // AGEING, min(turn.priority, Priority.MOTION))
