@@ -115,6 +115,8 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         """The loop that tells when the port's descriptor is readable."""
         self._reader: ThreadPoolExecutor | None = None
         """The thread that reads a port without a descriptor."""
+        self._stopping: Awaitable[Any] | None = None
+        """The stop that was begun last, beside the loop: the port stays open until it is over."""
         self._read_under_way: asyncio.Future[None] | None = None
         super().__init__(*args, **kwargs)
 
@@ -126,8 +128,9 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
     ) -> None:
         try:
             if crashed(error):
-                # A second cancellation must not end it halfway.
-                await _to_its_end(self._beside_the_loop(partial(self.safety.end, safe=True)))
+                self._beside_the_loop(partial(self.safety.end, safe=True))
+            if self._stopping is not None:
+                await _to_its_end(self._stopping)  # a second cancellation must not end it halfway
         finally:
             self.close()
 
@@ -372,6 +375,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
                 loop.call_soon_threadsafe(tell, result, error)
 
         threading.Thread(target=run, name="servobus stop").start()
+        self._stopping = done
         return done
 
 
