@@ -26,7 +26,7 @@ from servobus.families.base import ServoRef
 from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
 from servobus.link.link import NOT_FAST, Link, Receive, Waits
-from servobus.link.ownership import Priority, Turn
+from servobus.link.ownership import Priority, Turn, turn_for
 from servobus.safety.safe_stop import crashed
 from servobus.transports.base import Transport
 from servobus.transports.shared_reader import SharedReader
@@ -144,7 +144,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
 
     async def reopen(self) -> ReconnectReport:
         """Open the port again after it was lost, and see who is there; see `Bus.reopen`."""
-        turn = Turn(Priority.MOTION)
+        turn = turn_for(Priority.MOTION)
         try:
             await self.line.acquire_async(turn)
             self._stop_listening()  # what is opened may get the same descriptor
@@ -170,7 +170,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
 
     async def do(self, job: Job[T], baud: int | None = None, priority: Priority = Priority.READ) -> T:
         """Carry out any job, an exchange or a procedure, at this speed or at the one in use; see `Bus.do`."""
-        line, turn = self.line, Turn(priority)
+        line, turn = self.line, turn_for(priority)
         try:
             if not line.try_acquire(turn):
                 await line.acquire_async(turn)

@@ -16,7 +16,7 @@ import pytest
 
 from servobus.errors import Stopped
 from servobus.link import ownership
-from servobus.link.ownership import LineOwnership, Priority, State, Turn
+from servobus.link.ownership import LineOwnership, Priority, State, Turn, turn_for
 
 PROMPT = 5.0
 """s after which a test gives up waiting for a thread."""
@@ -33,7 +33,7 @@ def free(line: LineOwnership) -> bool:
 
 @contextmanager
 def holding(line: LineOwnership, priority: Priority = Priority.READ) -> Iterator[Turn]:
-    turn = Turn(priority)
+    turn = turn_for(priority)
     try:
         line.acquire(turn)
         yield turn
@@ -111,7 +111,7 @@ def test_a_newcomer_does_not_overtake_a_turn_that_waits() -> None:
         thread = in_thread(wait)
         wait_until(lambda: line.contended)
     wait_until(lambda: line.holder is waiting)
-    assert not line.try_acquire(Turn(Priority.STOP))
+    assert not line.try_acquire(turn_for(Priority.STOP))
     there.set()
     thread.join(PROMPT)
     assert free(line)
@@ -219,7 +219,7 @@ def test_a_stop_waits_first_then_interrupts_then_goes_ahead() -> None:
         thread_done = threading.Event()
 
         def stop() -> None:
-            turn = Turn(Priority.STOP)
+            turn = turn_for(Priority.STOP)
             try:
                 line.take_over(turn, lambda: told.append("interrupted"), 0.02, 0.02)
                 told.append(str(line.holder is turn))
@@ -244,7 +244,7 @@ def test_a_stop_that_gets_the_line_in_time_interrupts_nothing() -> None:
         got = threading.Event()
 
         def stop() -> None:
-            mine = Turn(Priority.STOP)
+            mine = turn_for(Priority.STOP)
             try:
                 line.take_over(mine, lambda: pytest.fail("it had the line in time"), PROMPT, 0.0)
                 got.set()
@@ -263,7 +263,7 @@ def test_a_turn_of_a_closed_loop_is_passed_over() -> None:
     line = LineOwnership()
     with holding(line):
         loop = asyncio.new_event_loop()
-        task = loop.create_task(line.acquire_async(Turn(Priority.MOTION)))
+        task = loop.create_task(line.acquire_async(turn_for(Priority.MOTION)))
         loop.run_until_complete(asyncio.sleep(0.01))
         loop.close()
         task._log_destroy_pending = False  # type: ignore[attr-defined]
@@ -387,7 +387,7 @@ def test_tasks_that_are_cancelled_at_random_never_talk_at_once(seed: int) -> Non
         line = LineOwnership()
 
         async def task(pauses: int) -> None:
-            turn = Turn(chance.choice(list(Priority)))
+            turn = turn_for(chance.choice(list(Priority)))
             try:
                 await line.acquire_async(turn)
                 for _ in range(pauses):
