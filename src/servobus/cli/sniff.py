@@ -16,7 +16,7 @@ import click
 from servobus.cli.decode import named
 from servobus.cli.options import BAUD, as_json, stop_on_signals, verb
 from servobus.cli.output import compact, note
-from servobus.cli.packets import conclude, report
+from servobus.cli.packets import print_events, print_summary
 from servobus.connect import FIRST_BAUD, transport
 from servobus.errors import BadValue, ServobusError, UsageError
 from servobus.traffic import recording
@@ -110,8 +110,8 @@ def sniff(
         stack.callback(carrier.end)
         tracker = Tracker(whose, table, speed)
         failure = _follow(carrier, tracker, json=json)
-    report(tracker.finish(), json=json)
-    conclude(tracker, json=json)
+    print_events(tracker.finish(), json=json)
+    print_summary(tracker, json=json)
     if failure is None and keeper:
         failure = keeper.failure
     if failure is not None:
@@ -139,12 +139,12 @@ def _follow(carrier: "Carrier", tracker: Tracker, *, json: bool) -> Exception | 
         for _ in range(AT_ONCE):
             news = carrier.news.get()
             if news is None or isinstance(news, Exception):
-                report(sights, json=json)
+                print_events(sights, json=json)
                 return news
             sights += tracker.pass_time(news) if isinstance(news, float) else tracker.feed(news)
             if carrier.news.empty():
                 break
-        report(sights, json=json)
+        print_events(sights, json=json)
 
 
 class Application(Terminal):
