@@ -16,7 +16,7 @@ from collections.abc import Callable, Generator, Sequence
 from time import monotonic
 from typing import Any, Final, TypeAlias, TypeVar
 
-from servobus.core.exchange import Batch, Collector, Exchange, Job, Pause, SetBaud, Step, ack_only
+from servobus.core.exchange import Batch, Collector, Exchange, Job, Now, Pause, SetBaud, Step, ack_only
 from servobus.core.framing import Framing, Noise, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.values import frozen
@@ -147,6 +147,8 @@ class Link:
             return (yield from self.transact(step))
         if isinstance(step, Batch):
             return (yield from self._batch(step))
+        if isinstance(step, Now):
+            return self.transport.now()
         if isinstance(step, SetBaud):
             yield from self.set_baud(step.baud)
         else:
