@@ -517,10 +517,11 @@ class BaseBus(Generic[S]):
 
     def _reopened(self) -> None:
         """Begin anew on a port that was opened again: nothing of the old one can come any more."""
-        stats = self.link.stats
-        self.link.supersede()
+        old = self.link
+        old.supersede()
         self.link = self._new_link()
-        self.link.stats = stats
+        self.link.stats = old.stats
+        self.link.alarming = old.alarming  # so that the end of an alarm is told
 
     # What the link asks of us
 

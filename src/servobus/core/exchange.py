@@ -152,7 +152,10 @@ class Pause:
 
 
 class Now:
-    """Step of a procedure: gives the time, in seconds of the port's own clock, which may be virtual."""
+    """Step of a procedure: `now = yield Now()` gives the time of the port's clock, in seconds.
+
+    Only differences of two such times mean something: the clock may be virtual.
+    """
 
     __slots__ = ()
 
@@ -171,7 +174,7 @@ class Batch:
     again: bool = True
 
 
-Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Batch | Now
+Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Now | Batch
 Procedure: TypeAlias = Generator[Step, Any, T]
 Job: TypeAlias = Exchange[T] | Procedure[T]
 
