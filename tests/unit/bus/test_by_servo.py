@@ -1,4 +1,4 @@
-"""Two servos with one id: of two families, or at two speeds. Nothing is lost, and nothing meant for one goes to the other."""
+"""Two servos with one id, of two families or at two speeds: none is lost, and nothing meant for one goes to the other."""
 
 import asyncio
 import math
@@ -40,7 +40,9 @@ class TestTwoSpeeds:
         bus, _, _ = twins()
         slow, fast = bus.scan(bauds=[57_600, 1_000_000], ids=[1])
         for wrong in (lambda: bus[1], lambda: bus.read_all("led")[1], lambda: bus.attach(RX28, 1)):
-            with pytest.raises(UnknownName, match="id 1 is not unique here: RX-28 id 1 at 57600 and RX-28 id 1 at 10000"):
+            with pytest.raises(
+                UnknownName, match="id 1 is not unique here: RX-28 id 1 at 57600 and RX-28 id 1 at 10000"
+            ):
                 wrong()
         assert bus[slow] is slow
         assert 1 in bus
@@ -274,7 +276,8 @@ def test_by_servo_reads_like_a_dict_of_ids_where_they_are_unique() -> None:
     assert both == {one: 1.5, two: math.pi}
     assert both != {1: 1.5}
     assert (both[1], both[two], both.get(3), both.get(3, 0.0)) == (1.5, math.pi, None, 0.0)
-    assert (1 in both, two in both, 3 in both, twin in both, "1" in both) == (True, True, False, False, False)
+    keys: list[Any] = [1, two, 3, twin, "1"]
+    assert [key in both for key in keys] == [True, True, False, False, False]
     with pytest.raises(UnknownName, match=r"no servo with id 3 is known here \(known: 1, 2\)"):
         both[3]
     with pytest.raises(UnknownName, match="no such servo as <LX-16A id 1 at 115200> is known here"):
