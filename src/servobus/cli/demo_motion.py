@@ -67,7 +67,7 @@ class DemoBus:
 
     def read_positions(self) -> None:
         """Read where all servos are."""
-        for id, position in self.bus.read_all("present_position").items():
+        for id, position in self.bus.read_all("present_position").by_id().items():
             old = self.tracks.get(id)
             self.tracks[id] = Track(position, old.goal if old else position)
 

@@ -19,7 +19,7 @@ from servobus.cli.options import (
 from servobus.cli.output import note, warn_alarms
 from servobus.core.ids import BROADCAST, LAST_ID
 from servobus.errors import NoReply
-from servobus.families.base import Answers, ServoRef
+from servobus.families.base import Answers, KnownServo, ServoRef
 from servobus.jobs.scan import ScanProgress, scan
 
 Ids = tuple[int | Literal["all"], ...]
@@ -122,8 +122,8 @@ def _everyone(bus: Bus, where: Where, at_once: Callable[[BusServo], None]) -> li
 def _release_all(bus: Bus, where: Where) -> None:
     for family, bauds in where.rounds():
         model = next(model for model in MODELS.values() if model.family.name == family.name)
-        everyone = ServoRef(BROADCAST, model, Answers.READS)
         for baud in bauds:
+            everyone = KnownServo.of(ServoRef(BROADCAST, model, Answers.READS), baud)
             bus.do(family.torque(everyone, on=False), baud=baud)
     click.echo(f"torque off: told every servo ({where})")
     note("nobody answers a broadcast; `servobus scan` shows who obeyed")

@@ -27,7 +27,7 @@ QUIET = 0.05
 PATIENCE = 0.1
 """s; assumption: no servo, adapter and system together need so long for an answer, less its time on the wire."""
 MEMORY = 1.0
-"""s for which a question is remembered after its time-out: until then an answer to it counts as late, not as unasked."""
+"""s for which a question is remembered after its time-out: until then an answer to it counts as late, not unasked."""
 BITS = 10
 """Bits of a byte on the wire, start and stop bit included."""
 REPEATED = 1024
