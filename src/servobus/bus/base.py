@@ -162,15 +162,15 @@ class Driver(Generic[S]):
     ) -> S:
         """Name a servo that is there, without asking it anything.
 
-        `baud` defaults to the family's factory speed, `answers` to the model's factory setting. A servo that is known
+        `baud` defaults to the model's factory speed, `answers` to the model's factory setting. A servo that is known
         already stays the same object, with all that was noted of it. Raises BadValue for an id that no single servo
         can have.
         """
         check_id(id)
         if answers is None:
-            level = model.registers.get(model.aliases.get("answer_level", ""))
+            level = model.optional("answer_level")
             answers = Answers.READS if level is None or level.default is None else Answers(level.default)
-        baud = baud or model.family.default_baud
+        baud = baud or model.factory_baud
         old = next((old for old in self._servos if (old.id, old.family.name) == (id, model.family.name)), None)
         if old is not None and old.model is model:
             old.target = replace(old.target, answers=answers)
@@ -432,7 +432,9 @@ class Driver(Generic[S]):
     # What the link asks of us
 
     def _fences(self, framing: Framing, id: int) -> Sequence[Exchange[Any]]:
-        return _FAMILY_OF[framing].fences(id)
+        known = (servo.family for servo in self._servos)
+        families = (family for some in (known, registry.FAMILIES.values()) for family in some)
+        return next(family for family in families if family.framing is framing).fences(id)
 
     def _heard(self, exchange: Exchange[Any], packet: Packet) -> None:
         """Keep the alarms of a reply with the servo that sent it."""
@@ -441,6 +443,3 @@ class Driver(Generic[S]):
         for servo in self._servos:
             if servo.id == packet.id and servo.family.framing is exchange.framing:
                 servo.note_alarms(exchange.alarms(packet))
-
-
-_FAMILY_OF = {family.framing: family for family in registry.FAMILIES.values()}

@@ -153,8 +153,9 @@ class Servo:
     @bus_method
     def read_many(self, registers: Sequence[Register[Any]]) -> Procedure[dict[str, Any]]:
         """Read several registers in as few exchanges as possible; gives name -> value."""
-        values = yield from self.family.read(self.target, [self._own(register) for register in registers])
-        return {register.name: register.decode(raw) for register, raw in zip(registers, values, strict=True)}
+        rows = [self._own(register) for register in registers]
+        values = yield from self.family.read(self.target, rows)
+        return {row.name: row.decode(raw) for row, raw in zip(rows, values, strict=True)}
 
     @bus_method
     def read_raw(self, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
@@ -168,23 +169,23 @@ class Servo:
         A register in EEPROM is read first, and written only if it differs; after ten writes within a minute
         EepromWear is raised.
         """
-        return self._write({self._own(register): register.encode(value)})
+        row = self._own(register)
+        return self._write({row: row.encode(value)})
 
     @bus_method
     def write_many(self, values: Mapping[Register[Any], Any]) -> Procedure[None]:
         """Write several registers in as few exchanges as possible. Raises BadValue before anything is sent."""
-        return self._write({self._own(register): register.encode(value) for register, value in values.items()})
+        return self._write(self._encoded(values))
 
     @bus_method
     def write_raw(self, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Write raw integers. Raises BadValue before anything is sent."""
-        return self._write({self._own(register): register.check(raw) for register, raw in values.items()})
+        return self._write({(row := self._own(register)): row.check(raw) for register, raw in values.items()})
 
     @bus_method
     def store(self, values: Mapping[Register[Any], Any]) -> Procedure[None]:
         """Write registers so that they survive power-off. Raises BadValue before anything is sent."""
-        raw = {self._own(register): register.encode(value) for register, value in values.items()}
-        return self._write(raw, keep=True)
+        return self._write(self._encoded(values), keep=True)
 
     # Motion
 
@@ -353,15 +354,16 @@ class Servo:
         if isinstance(register, str):
             row = self.model.register(register)
             raise UsageError(f"{register!r} is a name: write {self.model.__name__}.{row.name}, the register itself")
-        if self.model.registers.get(register.name) is not register:
-            raise UsageError(f"{register.model} {register.name} is not a register of {self.model.title}")
-        return register
+        return self.model.own(register)
+
+    def _encoded(self, values: Mapping[Register[Any], Any]) -> dict[Register[Any], int]:
+        return {(row := self._own(register)): row.encode(value) for register, value in values.items()}
 
     def _no_identity(self, registers: Iterable[Register[Any]]) -> None:
         """Refuse what would lose the servo. Raises UsageError."""
-        verbs = {"id": "change_id", self.model.aliases.get("baud", "baud"): "change_baud"}
+        verbs = {self.model.register("id"): "change_id", self.model.optional("baud"): "change_baud"}
         for register in registers:
-            if verb := verbs.get(register.name):
+            if verb := verbs.get(register):
                 raise UsageError(
                     f"{self.target}: a write of {register.name} would lose the servo; use {verb}(), "
                     "which makes sure that it is found again"
@@ -374,10 +376,9 @@ class Servo:
             self._go(waking=torque in raw)
         yield from (self.family.store if keep else self.family.write)(self.target, raw)
         # From now on the servo answers by the new policy.
-        level = self.model.aliases.get("answer_level", "answer_level")
-        for register, value in raw.items():
-            if register.name == level:
-                self.target = replace(self.target, answers=Answers(value))
+        level = self.model.optional("answer_level")
+        if level is not None and level in raw:
+            self.target = replace(self.target, answers=Answers(raw[level]))
         if torque in raw and not self.family.torque_on(raw[torque]):
             self.notes.mark_idle()
 

@@ -6,7 +6,7 @@ import click
 
 from servobus.cli.options import as_json, verb
 from servobus.cli.output import console, plain, print_json, text, unit
-from servobus.core.registers import Access, Address, Eep, EepRam, Pair, Ram, Register
+from servobus.core.registers import Access, Register
 from servobus.core.units import Choice, Flags, Switch
 from servobus.families import registry
 from servobus.families.base import Model
@@ -47,7 +47,7 @@ def describe(model: type[Model], row: Register[Any]) -> dict[str, Any]:
     return {
         "name": row.name,
         "aliases": aliases(model, row),
-        **_place(row),
+        **row.place.json(),
         "size": row.layout.size,
         "access": row.access.value,
         "area": row.area.value,
@@ -69,40 +69,11 @@ def aliases(model: type[Model], row: Register[Any]) -> list[str]:
     return [alias for alias, name in model.aliases.items() if name == row.name]
 
 
-def _place(row: Register[Any]) -> dict[str, Any]:
-    match row.place:
-        case Address(address):
-            return {"address": address}
-        case Eep(eep):
-            return {"address": {"eep": eep}}
-        case Ram(ram):
-            return {"address": {"ram": ram}}
-        case EepRam(eep, ram):
-            return {"address": {"eep": eep, "ram": ram}}
-        case Pair(write, read, at):
-            return {"command": {"write": None if write is None else int(write), "read": int(read), "byte": at}}
-
-
-def _place_text(row: Register[Any]) -> str:
-    match row.place:
-        case Address(address):
-            return f"{row.area.name} {address}"
-        case Eep(eep):
-            return f"EEP {eep}"
-        case Ram(ram):
-            return f"RAM {ram}"
-        case EepRam(eep, ram):
-            return f"EEP {eep}, RAM {ram}"
-        case Pair(write, read, at):
-            commands = f"command {read}" if write is None else f"commands {write}/{read}"
-            return f"{commands} byte {at}"
-
-
 def _heading(model: type[Model], row: Register[Any]) -> tuple[str, ...]:
     names = aliases(model, row)
     size = "1 byte" if row.layout.size == 1 else f"{row.layout.size} bytes"
     title = f"{row.name} ({', '.join(names)})" if names else row.name
-    return (f"{title:<38}", f"{_place_text(row)}, {size}, {ACCESS[row.access]}")
+    return (f"{title:<38}", f"{row.place.text(row.area)}, {size}, {ACCESS[row.access]}")
 
 
 def _range(row: Register[Any]) -> str:

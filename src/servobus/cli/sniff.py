@@ -19,6 +19,7 @@ from servobus.cli.output import compact, note
 from servobus.cli.packets import conclude, report
 from servobus.connect import FIRST_BAUD, transport
 from servobus.errors import BadValue, ServobusError, UsageError
+from servobus.families import registry
 from servobus.traffic import recording
 from servobus.traffic.events import TrafficEvent
 from servobus.traffic.recording import Chunk, Direction, End, Entry, Header, Speed
@@ -88,7 +89,7 @@ def sniff(
     if not port.strip():
         raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
     whose, table = named(family, model)
-    speed = baud or (whose.default_baud if whose else FIRST_BAUD)
+    speed = baud or (table.factory_baud if table else registry.factory_bauds(whose)[0] if whose else FIRST_BAUD)
     head = Header(
         port,
         speed,

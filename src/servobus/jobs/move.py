@@ -79,9 +79,10 @@ def plan(
     if time is None:
         time = max(max(distances.values()) / (speed or DEFAULT_SPEED), SHORTEST)
     time /= min(target.notes.speed_factor if target.notes is not None else 1.0 for target in goals)
-    if family.max_move_time is not None and time > family.max_move_time:
+    longest = min((target.model.max_move_time for target in goals if target.model.max_move_time), default=None)
+    if longest is not None and time > longest:
         raise BadValue(
-            f"a {family.title} move takes {show(family.max_move_time, 's')} at most, "
+            f"a {family.title} move takes {show(longest, 's')} at most, "
             f"this one would take {show(time, 's')}: go in steps, or faster"
         )
     axes = tuple(AxisMove(target, goal, distances[target], time) for target, goal in raw.items())

@@ -120,12 +120,11 @@ class Protection:
             yield from make_safe(target, action)
 
     def _weaken(self, target: ServoRef) -> Procedure[None]:
-        name, notes = target.model.family.output_limit, target.notes
+        row, notes = target.model.optional("output_limit"), target.notes
         assert notes is not None
-        if not name:
+        if row is None:
             notes.speed_factor = 0.5
             return
-        row = target.model.register(name)
         (limit,) = yield from target.model.family.read(target, [row])
         least = 1 if self.output_limit is None else self.output_limit // 2
         if limit > least:  # after a restart it has all again
@@ -135,8 +134,8 @@ class Protection:
     def _strengthen(self, target: ServoRef) -> Procedure[None]:
         if target.notes is not None:
             target.notes.speed_factor = 1.0
-        if self.output_limit is not None:
-            row = target.model.register(target.model.family.output_limit)
+        row = target.model.optional("output_limit")
+        if self.output_limit is not None and row is not None:
             (limit,) = yield from target.model.family.read(target, [row])
             # an RX-28 that has shut down has none, and would jump if it got some
             if limit == self.output_limit // 2:
