@@ -29,9 +29,10 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
     Its settings are saved to a file first, and the commands that undo the reset are printed.
     """
     kept = frozenset(word.strip() for word in keep.split(",") if word.strip())
-    keepable = {word for family in registry.FAMILIES.values() for word in family.keepable} if kept else set()
-    if unknown := kept - keepable:
-        raise BadValue(f"--keep {', '.join(sorted(unknown))}: only {', '.join(sorted(keepable))} can be kept")
+    if kept:
+        keepable = dict.fromkeys(word for family in registry.FAMILIES.values() for word in family.keepable)
+        if unknown := kept - keepable.keys():
+            raise BadValue(f"--keep {', '.join(sorted(unknown))}: only {', '.join(keepable)} can be kept")
     with opened(port) as bus:
         servo = find(bus, where, id)
         old_baud = servo.baud

@@ -140,7 +140,7 @@ class Family(ABC):
     full_duplex: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ()
     """Names of the registers that the verbs of this family rely on, beside those that every model has."""
-    keepable: ClassVar[frozenset[str]] = frozenset()
+    keepable: ClassVar[tuple[str, ...]] = ()
     """What `reset` can leave alone: some of "id", "baud" and "calibration"."""
 
     def check_model(self, model: type[Model]) -> None:  # noqa: B027 - most families ask no more of a table

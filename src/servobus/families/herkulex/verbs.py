@@ -86,7 +86,7 @@ class Herkulex(Family):
     title = "HerkuleX"
     framing = FRAMING
     full_duplex = True
-    keepable = frozenset(_KEEPS)
+    keepable = tuple(_KEEPS)
     needs = (
         "ack_policy", "baud_rate", "current_control_mode", "led_control", "max_pwm", "pwm", "status_detail",
         "status_error", "torque_control", "torque_policy",
