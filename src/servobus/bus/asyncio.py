@@ -26,7 +26,7 @@ from servobus.families.base import ServoRef
 from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
 from servobus.link.link import NOT_FAST, Link, Receive, Waits
-from servobus.link.ownership import Priority, Turn
+from servobus.link.ownership import Priority, Turn, turn_for
 from servobus.safety.safe_stop import crashed
 from servobus.transports.base import Transport
 from servobus.transports.shared_reader import SharedReader
@@ -115,6 +115,8 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         """The loop that tells when the port's descriptor is readable."""
         self._reader: ThreadPoolExecutor | None = None
         """The thread that reads a port without a descriptor."""
+        self._stopping: Awaitable[Any] | None = None
+        """The stop that was begun last, beside the loop: the port stays open until it is over."""
         self._read_under_way: asyncio.Future[None] | None = None
         super().__init__(*args, **kwargs)
 
@@ -126,8 +128,9 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
     ) -> None:
         try:
             if crashed(error):
-                # A second cancellation must not end it halfway.
-                await _to_its_end(self._beside_the_loop(partial(self.safety.end, safe=True)))
+                self._beside_the_loop(partial(self.safety.end, safe=True))
+            if self._stopping is not None:
+                await _to_its_end(self._stopping)  # a second cancellation must not end it halfway
         finally:
             self.close()
 
@@ -141,7 +144,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
 
     async def reopen(self) -> ReconnectReport:
         """Open the port again after it was lost, and see who is there; see `Bus.reopen`."""
-        turn = Turn(Priority.MOTION)
+        turn = turn_for(Priority.MOTION)
         try:
             await self.line.acquire_async(turn)
             self._stop_listening()  # what is opened may get the same descriptor
@@ -167,7 +170,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
 
     async def do(self, job: Job[T], baud: int | None = None, priority: Priority = Priority.READ) -> T:
         """Carry out any job, an exchange or a procedure, at this speed or at the one in use; see `Bus.do`."""
-        line, turn = self.line, Turn(priority)
+        line, turn = self.line, turn_for(priority)
         try:
             if not line.try_acquire(turn):
                 await line.acquire_async(turn)
@@ -372,6 +375,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
                 loop.call_soon_threadsafe(tell, result, error)
 
         threading.Thread(target=run, name="servobus stop").start()
+        self._stopping = done
         return done
 
 

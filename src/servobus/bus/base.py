@@ -24,7 +24,7 @@ from servobus.jobs.look import verify
 from servobus.jobs.move import PlannedMove, plan, require_torque, start_move, wait_arrival
 from servobus.jobs.scan import FoundServo, ScanResult, Watcher, find, scan
 from servobus.link.link import Link
-from servobus.link.ownership import LineOwnership, Priority, Turn
+from servobus.link.ownership import LineOwnership, Priority, Turn, turn_for
 from servobus.link.pipeline import PipelinedLink
 from servobus.link.stats import Stats
 from servobus.safety.safe_stop import SafeStop
@@ -402,7 +402,7 @@ class Driver(Generic[S]):
     @contextmanager
     def _take_over(self, interrupt: bool) -> Iterator[tuple[Link, LineOwnership, Turn]]:
         """Have the line for a stop: wait for what uses it, then make that fail, then go ahead all the same."""
-        link, turn = self.link, Turn(Priority.STOP)
+        link, turn = self.link, turn_for(Priority.STOP)
 
         def supersede() -> None:
             nonlocal link

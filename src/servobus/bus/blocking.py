@@ -22,7 +22,7 @@ from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
 from servobus.link.blocking import run_blocking
 from servobus.link.link import NOT_FAST
-from servobus.link.ownership import Priority, Turn
+from servobus.link.ownership import Priority, turn_for
 from servobus.safety.safe_stop import crashed
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ class Bus(Blocking, Driver[BusServo]):
         A USB adapter is found by its serial number, whatever the port is called now. Servos that lost their RAM, so
         their supply too, are not moved until `torque_on` or `rearm`. Raises PortError if the port is not there.
         """
-        turn = Turn(Priority.MOTION)
+        turn = turn_for(Priority.MOTION)
         try:
             self.line.acquire(turn)
             self.transport.reopen()
@@ -138,7 +138,7 @@ class Bus(Blocking, Driver[BusServo]):
 
         Jobs of other threads come first if their `priority` is more urgent, but none is broken off by another.
         """
-        line, turn = self.line, Turn(priority)
+        line, turn = self.line, turn_for(priority)
         try:
             line.acquire(turn)
             link = self.link

@@ -117,7 +117,7 @@ class Place(ABC):
 
 
 class Register(Generic[T]):
-    """One row of a register table. `name` and `model` are filled in by the table that holds it.
+    """One row of a register table. `name`, `model` and `aliases` are filled in by the table that holds it.
 
     place     where: an address or a pair of commands
     layout    how it is laid out in bytes
@@ -133,8 +133,8 @@ class Register(Generic[T]):
     """
 
     __slots__ = (
-        "access", "allowed", "area", "default", "latched", "layout", "limits", "meaning", "model", "motion", "name",
-        "note", "owner", "place", "scale", "volatile",
+        "access", "aliases", "allowed", "area", "default", "latched", "layout", "limits", "meaning", "model", "motion",
+        "name", "note", "owner", "place", "scale", "volatile",
     )  # fmt: skip
 
     def __init__(
@@ -159,6 +159,8 @@ class Register(Generic[T]):
         self.access, self.area, self.note = access, area or place.area, note
         self.volatile, self.motion, self.latched = volatile, motion, latched
         self.name = self.model = ""
+        self.aliases: tuple[str, ...] = ()
+        """Second names of the row."""
         self.owner: type | None = None
         """The table that holds the row."""
 

@@ -153,6 +153,7 @@ class Model:
             if name not in cls.registers:
                 raise TypeError(f"{cls.__name__}: {alias} is another name for {name}, which the table does not have")
             setattr(cls, alias, cls.registers[name])
+            cls.registers[name].aliases += (alias,)
         for row in cls.registers.values():
             check_row(row)
         check_overlap(cls.registers.values())

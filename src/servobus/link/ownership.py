@@ -3,7 +3,7 @@
 Threads, tasks of an event loop and a stop for safety share one port. Two requests that overlap on the wire spoil each
 other's answers, so whatever talks needs a `Turn` first:
 
-    turn = Turn(Priority.READ)
+    turn = turn_for(Priority.READ)
     try:
         line.acquire(turn)              # or: await line.acquire_async(turn)
         ...                             # talk
@@ -36,12 +36,17 @@ from servobus.errors import Stopped
 
 
 class Priority(IntEnum):
-    """What a turn is for; the lower comes first, and of two equal ones the one that has waited longer."""
+    """What a turn is for; the lower comes first, and of two equal ones the one that asked first."""
 
     STOP = 0
     MOTION = 1
     READ = 2
     SCAN = 3
+
+
+AGEING = 8
+"""Hand-overs after which a waiting turn counts as one step more urgent: else busy readers would keep a scan waiting for
+ever. Assumption: so a scan beside them gets about a tenth of the line."""
 
 
 class State(Enum):
@@ -53,27 +58,38 @@ class State(Enum):
     ENDED = "ended"
 
 
+IDLE, WAITING, HOLDING, ENDED = State
+
+
 class Turn:
     """One claim to a line.
 
-    priority  how urgent it is
-    state     where it stands
-    nested    whether its thread held the line already: then that turn keeps the line when this one ends
+    priority   how urgent it is
+    state      where it stands
+    nested     whether its thread held the line already: then that turn keeps the line when this one ends
+    overtaken  hand-overs for which it has waited
+    thread     thread that holds the line with this turn; 0 for a task, which shares its thread with other tasks
     """
 
-    __slots__ = ("_wake", "nested", "priority", "state", "thread")
-
-    def __init__(self, priority: Priority = Priority.READ) -> None:
-        self.priority = priority
-        self.state = State.IDLE
-        self.nested = False
-        self.thread = 0
-        """Thread that holds the line with this turn; 0 for a task, which shares its thread with other tasks."""
-        self._wake: Callable[[], bool] | None = None
-        """Tells the waiting side that it has the line now; False if there is no such side any more."""
+    # Defaults of the class and no `__init__`: a turn is made for every read, and most never need another value.
+    priority = Priority.READ
+    state = IDLE
+    nested = False
+    overtaken = 0
+    thread = 0
+    _wake: Callable[[], bool] | None = None
+    """Tells the waiting side that it has the line now; False if there is no such side any more."""
 
     def __repr__(self) -> str:
         return f"<turn for {self.priority.name}: {self.state.value}>"
+
+
+def turn_for(priority: Priority) -> Turn:
+    """Make a turn of this priority."""
+    turn = Turn()
+    if priority is not Priority.READ:
+        turn.priority = priority
+    return turn
 
 
 class LineOwnership:
@@ -102,9 +118,9 @@ class LineOwnership:
     def try_acquire(self, turn: Turn) -> bool:
         """Take the line if it is free and nothing waits for it; tell whether the turn has it."""
         with self._mutex:
-            if self._holder is not None or self._waiting or turn.state is not State.IDLE:
+            if self._holder is not None or self._waiting or turn.state is not IDLE:
                 return False
-            self._holder, turn.state = turn, State.HOLDING
+            self._holder, turn.state = turn, HOLDING
             return True
 
     # The blocking face
@@ -116,7 +132,11 @@ class LineOwnership:
         line was taken from this turn.
         """
         turn.thread = get_ident()
-        if self.try_acquire(turn) or self._nested(turn):
+        with self._mutex:  # as `try_acquire`, without a call: this is the way of every read
+            if self._holder is None and not self._waiting and turn.state is IDLE:
+                self._holder, turn.state = turn, HOLDING
+                return True
+        if self._nested(turn):
             return True
         granted = threading.Event()
 
@@ -167,14 +187,18 @@ class LineOwnership:
     def give_way(self, turn: Turn) -> None:
         """Let others talk until the turn acquires the line again. A nested turn keeps it: the outer job goes on."""
         if not turn.nested:
-            self._leave(turn, State.IDLE)
+            self._leave(turn, IDLE)
 
     def end(self, turn: Turn) -> None:
         """End a turn, whatever its state."""
         try:
-            self._leave(turn, State.ENDED)
+            with self._mutex:
+                if self._holder is turn and not self._waiting:
+                    self._holder, turn.state = None, ENDED
+                    return
+            self._leave(turn, ENDED)
         except BaseException:
-            self._leave(turn, State.ENDED)  # Ctrl-C came in the middle: what is done twice does no harm
+            self._leave(turn, ENDED)  # Ctrl-C came in the middle: what is done twice does no harm
             raise
 
     def take_over(self, turn: Turn, interrupt: Callable[[], object], polite: float, firm: float) -> None:
@@ -192,47 +216,47 @@ class LineOwnership:
             lost, self._holder = self._holder, turn
             if turn in self._waiting:
                 self._waiting.remove(turn)
-            turn.state = State.HOLDING
+            turn.state = HOLDING
             if lost is not None and lost is not turn:
-                lost.state = State.ENDED
+                lost.state = ENDED
 
     # The steps: each leaves everything right, and may be repeated
 
     def _ask(self, turn: Turn, wake: Callable[[], bool]) -> bool:
         """Wait in line; tell whether the turn has the line at once."""
         with self._mutex:
-            if turn.state is State.ENDED:
+            if turn.state is ENDED:
                 raise Stopped("interrupted: the line was needed to make the servos safe")
-            if turn.state is State.HOLDING:
+            if turn.state is HOLDING:
                 return True
-            turn._wake, turn.state = wake, State.WAITING
+            turn._wake, turn.state = wake, WAITING
             self._waiting.append(turn)
             self._hand_over()
-            return turn.state is State.HOLDING
+            return turn.state is HOLDING
 
     def _nested(self, turn: Turn) -> bool:
         """Let a turn talk whose thread has the line already."""
         with self._mutex:
             outer = self._holder
-            if outer is None or outer is turn or outer.thread != turn.thread or turn.state is State.ENDED:
+            if outer is None or outer is turn or outer.thread != turn.thread or turn.state is ENDED:
                 return False
-            turn.nested, turn.state = True, State.HOLDING
+            turn.nested, turn.state = True, HOLDING
             return True
 
     def _holds(self, turn: Turn) -> bool:
         with self._mutex:
-            return turn.state is State.HOLDING
+            return turn.state is HOLDING
 
     def _holds_or_withdraws(self, turn: Turn) -> bool:
         with self._mutex:
-            if turn.state is State.WAITING:
+            if turn.state is WAITING:
                 self._waiting.remove(turn)
-                turn.state = State.IDLE
-            return turn.state is State.HOLDING
+                turn.state = IDLE
+            return turn.state is HOLDING
 
     def _leave(self, turn: Turn, state: State) -> None:
         with self._mutex:
-            if turn.state is not State.ENDED:
+            if turn.state is not ENDED:
                 turn.state = state
             if turn in self._waiting:
                 self._waiting.remove(turn)
@@ -249,13 +273,15 @@ class LineOwnership:
         """
         while self._holder is None and self._waiting:
             turn = min(self._waiting, key=_urgency)
-            alive = turn._wake is None or turn._wake()
-            self._waiting.remove(turn)
-            if alive:
-                self._holder, turn.state = turn, State.HOLDING
+            for other in self._waiting:
+                other.overtaken += 1
+            if turn._wake is None or turn._wake():
+                self._holder, turn.state = turn, HOLDING
             else:
-                turn.state = State.ENDED
+                turn.state = ENDED
+            self._waiting.remove(turn)
 
 
 def _urgency(turn: Turn) -> int:
-    return turn.priority
+    """Give how urgent a turn is now: one that waited long counts as more urgent, but never as a stop."""
+    return max(turn.priority - turn.overtaken // AGEING, min(turn.priority, Priority.MOTION))
