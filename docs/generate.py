@@ -225,7 +225,7 @@ def _codes(model: type[Model]) -> Iterator[str]:
         yield f"{kind}, in {', '.join(names)}. {_linked(_clean(options.__doc__ or ''))}"
         rows = [(f"{option:d}", f"{option:#04x}", f"`{option.name.lower()}`") for option in options]
         yield _table(("Raw", "Hex", "Name"), rows)
-    baud = model.registers.get(model.aliases.get("baud", "baud"))
+    baud = model.optional("baud")
     if baud is None:
         return
     yield "## Bus speeds"

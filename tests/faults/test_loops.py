@@ -28,8 +28,8 @@ def test_F15_all_behind_the_cut_are_told_together(key: str, driver: str) -> None
     assert not rig.do(lambda _: cycle.run()).lost
     rig.inject("unplug@3-5#1-")
     result = rig.do(lambda _: cycle.run())
-    assert sorted(result.lost) == [3, 4, 5]
-    assert sorted(result) == [1, 2]
+    assert sorted(result.lost.by_id()) == [3, 4, 5]
+    assert sorted(result.by_id()) == [1, 2]
     assert "after id 2" in result.diagnosis
 
 

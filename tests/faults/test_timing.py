@@ -123,6 +123,7 @@ def test_F8_two_servos_with_one_id_and_other_delays(driver: str) -> None:
     rig.port.set_baud(1_000_000)
     for real in rig.reals:
         real.store_baud(1_000_000)
+    rig.bus.forget(2)
     rig.bus.attach(rig.model, 2, baud=1_000_000)
     with pytest.raises(DuplicateId, match="two servos with id 2"):
         for _ in range(2):

@@ -7,19 +7,20 @@ from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 
+from servobus.bus.by_servo import ByServo, name, pick
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Batch, Exchange, Procedure, SetBaud
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import LAST_ID, check_id
 from servobus.core.operation import bus_method
 from servobus.core.registers import Register
-from servobus.core.values import frozen, replace
-from servobus.errors import BusError, Restarted, UnknownName, UsageError
+from servobus.core.values import replace
+from servobus.errors import BusError, NoReply, Restarted, UsageError
 from servobus.families import registry
-from servobus.families.base import Answers, Family, Model, ServoRef
-from servobus.families.record import SafeAction
+from servobus.families.base import Answers, Family, KnownServo, Model, ServoRef, policy_register
+from servobus.families.record import SafeAction, ServoRecord
 from servobus.jobs.look import verify
 from servobus.jobs.move import PlannedMove, plan, require_torque, start_move, wait_arrival
 from servobus.jobs.scan import FoundServo, ScanResult, Watcher, find, scan
@@ -32,7 +33,7 @@ from servobus.safety.watchdog import Watchdog
 from servobus.transports.base import Transport
 
 if TYPE_CHECKING:
-    from servobus.safety.overload import Level, Protection, Thresholds
+    from servobus.safety.overload import Level, OverloadMonitor, Thresholds
 
 S = TypeVar("S", bound=Servo)
 
@@ -45,16 +46,40 @@ POSITION_SPEED_LOAD = ("present_position", "present_speed", "present_load")
 """What a control cycle reads if nothing is said."""
 
 
-@frozen
-class ReconnectReport:
-    """Who is there after a port was opened again: ids. `restarted` are those of the present that lost their RAM."""
-
-    present: tuple[int, ...]
-    missing: tuple[int, ...]
-    restarted: tuple[int, ...]
+Presence: TypeAlias = Literal["present", "restarted", "missing"]
 
 
-class Driver(Generic[S]):
+class ReconnectReport(ByServo[S, Presence]):
+    """What became of each servo while the port was lost: "present", "restarted" (it lost its RAM) or "missing".
+
+    Can be asked by servo, or by id where that is unique.
+    """
+
+    @property
+    def present(self) -> tuple[S, ...]:
+        """Those that answer, the restarted ones among them."""
+        return tuple(servo for servo, presence in self.items() if presence != "missing")
+
+    @property
+    def restarted(self) -> tuple[S, ...]:
+        """Those that answer and lost what was set in their RAM."""
+        return tuple(servo for servo, presence in self.items() if presence == "restarted")
+
+    @property
+    def missing(self) -> tuple[S, ...]:
+        """Those that do not answer."""
+        return tuple(servo for servo, presence in self.items() if presence == "missing")
+
+    def __repr__(self) -> str:
+        def said(servos: tuple[S, ...]) -> str:
+            labels = [str(servo.id) if self._unique() else name(servo) for servo in servos]
+            return f"({', '.join(labels)}{',' if len(labels) == 1 else ''})"
+
+        present, missing, restarted = said(self.present), said(self.missing), said(self.restarted)
+        return f"ReconnectReport(present={present}, missing={missing}, restarted={restarted})"
+
+
+class BaseBus(Generic[S]):
     """A port, and the servos known on it.
 
     `bauds` are the speeds to look for servos at, if not the factory speed of each family. `echo` says
@@ -81,7 +106,11 @@ class Driver(Generic[S]):
         self.survey = ScanResult()
         """What the last scan saw, what made no sense included."""
         self._servos: list[S] = []
-        self._protections: dict[S, Protection] = {}
+        self._named: set[S] = set()
+        """Those whose model `attach` gave: no scan knows better."""
+        self._speed_assumed: set[S] = set()
+        """Those that `attach` was given no speed for, and that no scan has met since."""
+        self._monitors: dict[S, OverloadMonitor] = {}
 
     @property
     def echo(self) -> bool | None:
@@ -127,16 +156,12 @@ class Driver(Generic[S]):
 
     # The servos known here
 
-    def __getitem__(self, id: int) -> S:
-        """Give the servo with this id. It must be known: found by a scan, by `find`, or named by `attach`."""
-        matches = [servo for servo in self._servos if servo.id == id]
-        if not matches:
-            known = ", ".join(str(servo.id) for servo in self._servos) or "none"
-            raise UnknownName(f"no servo with id {id} is known here (known: {known}); use scan(), find() or attach()")
-        if len(matches) > 1:
-            names = " and ".join(f"{servo.model.title} at {servo.baud}" for servo in matches)
-            raise UnknownName(f"id {id} is not unique here: {names}; take it from the result of scan()")
-        return matches[0]
+    def __getitem__(self, id: int | S) -> S:
+        """Give the servo with this id. It must be known: found by a scan, by `find`, or named by `attach`.
+
+        Raises UnknownName, which names the candidates, where two have this id; a servo itself is given back.
+        """
+        return pick(self._servos, id, remedy="; use scan(), find() or attach()")
 
     def __iter__(self) -> Iterator[S]:
         return iter(list(self._servos))
@@ -149,7 +174,7 @@ class Driver(Generic[S]):
         return f"<{type(self).__name__} {self.transport.name}: {known}>"
 
     def __contains__(self, id: object) -> bool:
-        return any(servo.id == id for servo in self._servos)
+        return any(servo is id or servo.id == id for servo in self._servos)
 
     def attach(
         self,
@@ -162,30 +187,47 @@ class Driver(Generic[S]):
     ) -> S:
         """Name a servo that is there, without asking it anything.
 
-        `baud` defaults to the model's factory speed, `answers` to the model's factory setting. A servo that is known
-        already stays the same object, with all that was noted of it. Raises BadValue for an id that no single servo
-        can have.
+        The known servo of this family and id is given back, with all that was noted of it; with another `baud` a second
+        servo is made, for one port may carry both. One that is not known yet is assumed at `baud`, or at its factory
+        speed. `answers` defaults to the model's factory setting. From now on it is of this model, whatever a scan takes
+        it for. Raises BadValue for an id that no single servo can have, UnknownName if two servos could be meant.
         """
         check_id(id)
-        if answers is None:
-            level = model.optional("answer_level")
-            answers = Answers.READS if level is None or level.default is None else Answers(level.default)
-        baud = baud or model.factory_baud
-        old = next((old for old in self._servos if (old.id, old.family.name) == (id, model.family.name)), None)
+        same = [servo for servo in self._servos if (servo.id, servo.family.name) == (id, model.family.name)]
+        if baud is not None:
+            same = [servo for servo in same if servo.baud == baud]
+        old = pick(same, id) if same else None
         if old is not None and old.model is model:
-            old.target = replace(old.target, answers=answers)
-            old.baud, old.firmware = baud, firmware or old.firmware
+            old.target = replace(old.target, answers=old.target.answers if answers is None else answers)
+            old.firmware = firmware or old.firmware
+            self._named.add(old)
             return old
-        servo = self._bind(ServoRef(id, model, answers), baud, firmware)
-        servo.notes.before_motion = partial(self.safety.about_to_move, servo)
-        servo.notes.keep_alive = self.safety.keep_alive
-        servo.notes.safe_action = self.safety.chosen
-        if old is None:
-            self._servos.append(servo)
-        else:
-            servo.notes.max_step, servo.notes.safe_action = old.notes.max_step, old.notes.safe_action
-            self._servos[self._servos.index(old)] = servo
+        if answers is None:
+            level = policy_register(model)
+            answers = Answers.READS if level is None or level.default is None else Answers(level.default)
+        if old is not None:
+            baud = old.baud
+        servo = self._know(ServoRef(id, model, answers), baud or model.factory_baud, firmware, old)
+        self._named.add(servo)
+        if baud is None:
+            self._speed_assumed.add(servo)
         return servo
+
+    def forget(self, servo: S | int) -> None:
+        """Know this servo no more: it is in no result, and this bus does not make it safe. Sends nothing.
+
+        Raises UsageError for one that this bus has set in motion or holds: switch its torque off or make it safe first.
+        """
+        gone = self[servo]
+        if gone.permit.driven:
+            raise UsageError(
+                f"{gone.target} is driven by this bus, which would not stop it any more: torque_off() first"
+            )
+        self._servos.remove(gone)
+        self._monitors.pop(gone, None)
+        self._named.discard(gone)
+        self._speed_assumed.discard(gone)
+        gone.permit.inhibited = f"{gone.target} was forgotten by its bus; attach() makes another object of it"
 
     # Finding servos
 
@@ -194,154 +236,213 @@ class Driver(Generic[S]):
         self,
         *,
         family: Family | str | None = None,
-        bauds: Iterable[int] | None = None,
-        ids: Iterable[int] = range(LAST_ID + 1),
+        bauds: int | Iterable[int] | None = None,
+        ids: int | Iterable[int] = range(LAST_ID + 1),
         watch: Watcher | None = None,
     ) -> Procedure[list[S]]:
         """Look for servos, and look at each that is found. Moves nothing, changes nothing.
 
-        `bauds` None means the factory speed of each family. `watch` is called with a `Progress` after each
+        `bauds` None means the factory speed of each family. `watch` is called with a `ScanProgress` after each
         id. What answered without making sense is in `survey.troubles` afterwards. If it is broken off, by Ctrl-C
-        or by what `watch` raises, those that were found so far are known.
+        or by what `watch` raises, those that were found so far are known. Servos that are known already stay the same
+        objects.
         """
         survey = self.survey = ScanResult()
-        servos: list[S] = []
+        wanted = (ids,) if isinstance(ids, int) else ids
         try:
-            yield from scan(self._families(family), self._speeds(bauds), ids, watch, survey)
-        finally:
-            servos += [servo for found in survey.found if (servo := self.adopt(found)) is not None]
-        return servos
+            yield from scan(self._families(family), self._speeds(bauds), wanted, watch, survey)
+        except BaseException:
+            for found in survey.found:
+                self.adopt(found)
+            raise
+        return (yield from self._adopted(survey.found))
 
     @bus_method
-    def find(self, id: int, *, family: Family | str | None = None, bauds: Iterable[int] | None = None) -> Procedure[S]:
+    def find(
+        self, id: int, *, family: Family | str | None = None, bauds: int | Iterable[int] | None = None
+    ) -> Procedure[S]:
         """Look for one servo. Raises NoReply, or BusError if what answers is no model known here."""
         found = yield from find(self._families(family), self._speeds(bauds), id)
-        servo = self.adopt(found)
-        assert servo is not None  # find gives known models only
+        (servo,) = yield from self._adopted([found])  # find gives known models only
+        return servo
+
+    def adopt(self, found: FoundServo) -> S | None:
+        """Know a servo that a scan has found, as it was seen then; None for a model that is not known here.
+
+        One that is known at its id and speed already stays the same object. It stays of the model that `attach` gave.
+        """
+        if found.model is None:
+            return None
+        identity = found.identity
+        known = [servo for servo in self if _place(servo) == _found_at(found)]
+        servo = known[0] if known else self._know(ServoRef(found.id, found.model, identity.answers), found.baud)
+        if servo.model is not found.model and servo not in self._named:
+            # Another one is in its place now, and says so: what was written to the old one tells nothing of it.
+            servo.target = replace(servo.target, model=found.model, record=ServoRecord())
+        servo.target = replace(servo.target, answers=identity.answers)
+        servo.firmware = identity.firmware or servo.firmware
+        self._speed_assumed.discard(servo)
+        servo.state = found.state if servo.model is found.model else None
+        servo.note_alarms(found.alarms)
+        return servo
+
+    def _adopted(self, all_found: Sequence[FoundServo]) -> Procedure[list[S]]:
+        """Know what a scan has found.
+
+        A servo whose speed was assumed by `attach`, and that does not answer there, is taken to be the one that was
+        found at another speed.
+        """
+        met = {_found_at(found) for found in all_found}
+        for found in all_found:
+            place = _found_at(found)
+            known = {_place(servo) for servo in self}
+            for servo in self._speed_assumed.copy():
+                same = (servo.family.name, servo.id) == place[:2]
+                if not same or place in known or _place(servo) in met:
+                    continue
+                yield SetBaud(servo.baud)
+                try:
+                    yield from servo.family.ping(servo.id)
+                except NoReply:
+                    servo.target = replace(servo.target, baud=found.baud)
+                self._speed_assumed.discard(servo)
+        if all_found:
+            yield SetBaud(all_found[-1].baud)
+        return [servo for servo in map(self.adopt, all_found) if servo is not None]
+
+    def _know(self, ref: ServoRef, baud: int, firmware: str = "", old: S | None = None) -> S:
+        """Know another servo, in place of an old one if there is one: what was chosen for that holds for it too."""
+        servo = self._bind(KnownServo.of(ref, baud), firmware)
+        permit = servo.permit
+        permit.before_motion = partial(self.safety.about_to_move, servo)
+        permit.keep_alive = self.safety.keep_alive
+        permit.safe_action = self.safety.chosen
+        if old is None:
+            self._servos.append(servo)
+            return servo
+        permit.max_step, permit.safe_action = old.permit.max_step, old.permit.safe_action
+        self._servos[self._servos.index(old)] = servo
+        old.permit.inhibited = f"{old.target} is attached as {ref} now: use the servo that attach() gave"
         return servo
 
     # Several at once
 
     @bus_method
-    def read_all(self, name: str | Register[Any]) -> Procedure[dict[int, Any]]:
-        """Read one register of every known servo, by the name or alias that their models share; id -> value.
+    def read_all(self, register: Register[Any] | str) -> Procedure[ByServo[S, Any]]:
+        """Read one register of every known servo, by the name or alias that their models share.
 
-        A register of one of the models stands for its name. Raises UnknownName for a model that has none of it.
+        Gives servo -> value, which can be asked by id where that is unique. A register of one of the models stands for
+        its name. Raises UnknownName for a model that has none of it.
         """
-        values = {}
-        name = name.name if isinstance(name, Register) else name
-        for servo in self:
-            register = servo.model.register(name)
+        name = register.name if isinstance(register, Register) else register
+        rows = {servo: servo.model.register(name) for servo in self}
+        values: dict[S, Any] = {}
+        for servo, row in rows.items():
             yield SetBaud(servo.baud)
-            (raw,) = yield from servo.family.read(servo.target, [register])
-            values[servo.id] = register.decode(raw)
-        return values
+            (raw,) = yield from servo.family.read(servo.target, [row])
+            values[servo] = row.decode(raw)
+        return ByServo(values)
 
     @bus_method
     def plan_move(
-        self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None
-    ) -> Procedure[list[PlannedMove]]:
-        """Check a move of several servos, id -> angle in rad, without moving any; see `move`."""
-        return self._planned(goals, time, speed)
+        self, goals: Mapping[Any, float], *, time: float | None = None, speed: float | None = None
+    ) -> Procedure[PlannedMove]:
+        """Check a move of several servos, servo or id -> angle in rad, without moving any; see `move`."""
+        return plan(self._goals(goals), time=time, speed=speed)
 
     @bus_method
-    def start_planned(self, moves: list[PlannedMove]) -> Procedure[None]:
-        """Start a move that was planned: one packet starts all servos of a family."""
-        return self._start_planned(moves)
+    def start_planned(self, move: PlannedMove) -> Procedure[None]:
+        """Start a move that was planned: all servos of a family at one speed with as few packets as it allows."""
+        return start_move(move)
 
     @bus_method
     def start_move(
-        self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None
-    ) -> Procedure[list[PlannedMove]]:
+        self, goals: Mapping[Any, float], *, time: float | None = None, speed: float | None = None
+    ) -> Procedure[PlannedMove]:
         """Plan a move, make sure that all servos have torque, and start it; see `move`."""
-        moves = yield from self._planned(goals, time, speed)
-        require_torque(moves)
-        yield from self._start_planned(moves)
-        return moves
+        planned = yield from plan(self._goals(goals), time=time, speed=speed)
+        require_torque(planned)
+        yield from start_move(planned)
+        return planned
 
     @bus_method
-    def wait_arrival(self, moves: list[PlannedMove], timeout: float | None = None) -> Procedure[None]:
-        """Wait until all servos of these moves stand still near their goals; see `wait_arrival`."""
-        for course in moves:
-            yield SetBaud(self[course.axes[0].target.id].baud)
-            yield from wait_arrival(course, timeout=timeout)
+    def wait_arrival(self, move: PlannedMove, timeout: float | None = None) -> Procedure[None]:
+        """Wait until all servos of this move stand still near their goals.
+
+        Raises MoveTimeout `timeout` s from now, or 2 s after it should have arrived; Stopped as soon as one of them
+        does not come any more.
+        """
+        return wait_arrival(move, timeout=timeout)
 
     @bus_method
-    def torque_on(self, servos: list[S]) -> Procedure[None]:
-        """Switch the torque of these servos on, each with goal := present position first."""
-        for servo in servos:
+    def torque_on(self, servos: Iterable[S | int] | None = None) -> Procedure[None]:
+        """Switch the torque of these servos on (by default of all), each with goal := present position first."""
+        for servo in self._chosen(servos):
             yield SetBaud(servo.baud)
-            servo.notes.mark_moving()
+            servo.permit.mark_moving()
             yield from servo.family.torque(servo.target, on=True)
 
     @bus_method
-    def torque_off(self, servos: list[S]) -> Procedure[None]:
-        """Switch the torque of these servos off: of all, even if one fails; then tell of the first failure."""
+    def torque_off(self, servos: Iterable[S | int] | None = None) -> Procedure[None]:
+        """Switch the torque of these servos off (by default of all): of each, even if one fails.
+
+        Then it raises the first failure.
+        """
         first: BusError | None = None
-        for servo in servos:
+        for servo in self._chosen(servos):
             yield SetBaud(servo.baud)
             try:
                 yield from servo.family.torque(servo.target, on=False)
-                servo.notes.mark_idle()
+                servo.permit.mark_idle()
             except BusError as error:
                 first = first or error
         if first is not None:
             raise first
 
     @bus_method
-    def protect(self, thresholds: "Thresholds | None" = None) -> "Procedure[dict[int, Level]]":
-        """Look once how hot every known servo is and whether it is stuck, and act on it; id -> level.
+    def protect(self, thresholds: "Thresholds | None" = None) -> "Procedure[ByServo[S, Level]]":
+        """Look once how hot every known servo is and whether it is stuck, and act on it; servo -> level.
 
         To be called again and again, say every 0.1 s: a stall shows only over several looks. WARN is 10 °C below
         the limit set in the servo. At DERATE, 5 °C below it, it gets half its torque limit (RX-28), half its highest
         output (DRS-0602) or half its speed (LX-16A). At SAFE, at the limit or after 0.5 s of pushing without motion,
         its safe action runs, and commands of motion raise Stopped until a later look finds that it is over. All
-        bounds can be set, from the first call on; see `servobus.safety.overload.Thresholds`. One that does not answer,
+        bounds can be set, from the first call on; see `servobus.Thresholds`. One that does not answer,
         or cannot be read, raises NoReply or UsageError after all others had their turn.
         """
-        from servobus.safety.overload import Thresholds, protect, protection  # noqa: PLC0415 - not everybody wants it
+        from servobus.safety.overload import OverloadMonitor, Thresholds  # noqa: PLC0415 - not everybody wants it
 
-        levels = {}
+        levels: dict[S, Level] = {}
         first: BusError | UsageError | None = None
         for servo in self:
             yield SetBaud(servo.baud)
             try:
-                if servo not in self._protections:
-                    self._protections[servo] = yield from protection(servo.target, thresholds or Thresholds())
-                now = self.transport.now()
-                guarding = self._protections[servo]
-                levels[servo.id] = yield from protect(servo.target, guarding, now, servo.safe_action)
+                if servo not in self._monitors:
+                    self._monitors[servo] = yield from OverloadMonitor.of(servo.target, thresholds or Thresholds())
+                levels[servo] = yield from self._monitors[servo].look(servo.target)
             except (BusError, UsageError) as error:
                 first = first or error
         if first is not None:
             raise first
-        return levels
+        return ByServo(levels)
 
     # Helpers
 
-    def _planned(
-        self, goals: Mapping[int, float], time: float | None, speed: float | None
-    ) -> Procedure[list[PlannedMove]]:
-        moves = []
-        for group in self._groups(goals):
-            yield SetBaud(group[0].baud)
-            targets = {servo.target: goals[servo.id] for servo in group}
-            moves.append((yield from plan(targets, time=time, speed=speed)))
-        return moves
+    def _goals(self, goals: Mapping[Any, float]) -> dict[KnownServo, float]:
+        """Give goals by servo. Raises UnknownName, or UsageError for a servo that is given two goals."""
+        servos = {key: self[key] for key in goals}
+        if len(set(servos.values())) < len(servos):
+            raise UsageError("one of the servos is given two goals, by itself and by its id")
+        return {servos[key].target: goal for key, goal in goals.items()}
 
-    def _start_planned(self, moves: list[PlannedMove]) -> Procedure[None]:
-        for course in moves:
-            yield SetBaud(self[course.axes[0].target.id].baud)
-            yield from start_move(course)
-
-    def _reunited(self) -> Procedure[ReconnectReport]:
+    def _reunited(self) -> Procedure[ReconnectReport[S]]:
         """Find out which of the known servos are there, and which of them have restarted."""
         present: list[S] = []
         for group in self._groups():
             yield SetBaud(group[0].baud)
             answers = yield Batch([servo.family.ping(servo.id) for servo in group])
             present += [servo for servo, answer in zip(group, answers, strict=True) if answer is None]
-        restarted = []
+        restarted: list[S] = []
         for servo in list(present):
             if servo.target.answers is Answers.NOTHING:
                 continue  # it cannot be read
@@ -350,35 +451,25 @@ class Driver(Generic[S]):
                 yield from verify(servo.target)
             except Restarted:
                 servo.state = None
-                restarted.append(servo.id)
+                restarted.append(servo)
             except BusError:
                 present.remove(servo)  # it answered, and then no more
-        missing = tuple(servo.id for servo in self if servo not in present)
-        return ReconnectReport(tuple(servo.id for servo in present), missing, tuple(restarted))
+        presences: dict[S, Presence] = {
+            servo: "restarted" if servo in restarted else "present" if servo in present else "missing" for servo in self
+        }
+        return ReconnectReport(presences)
 
     @abstractmethod
-    def _bind(self, target: ServoRef, baud: int, firmware: str) -> S:
+    def _bind(self, target: KnownServo, firmware: str) -> S:
         """Make this driver's own kind of servo."""
 
-    def adopt(self, found: FoundServo) -> S | None:
-        """Know a servo that a scan has found, as it was seen then; None for a model that is not known here."""
-        if found.model is None:
-            return None
-        identity = found.identity
-        servo = self.attach(
-            found.model, found.id, baud=found.baud, answers=identity.answers, firmware=identity.firmware
-        )
-        servo.state = found.state
-        servo.note_alarms(found.alarms)
-        return servo
+    def _chosen(self, servos: Iterable[S | int] | None) -> list[S]:
+        return list(self) if servos is None else [self[servo] for servo in servos]
 
-    def _chosen(self, ids: Iterable[int] | None) -> list[S]:
-        return list(self) if ids is None else [self[id] for id in ids]
-
-    def _groups(self, ids: Iterable[int] | None = None) -> list[list[S]]:
+    def _groups(self) -> list[list[S]]:
         """Sort servos by family and speed: one packet drives servos of one kind."""
         groups: dict[tuple[str, int], list[S]] = {}
-        for servo in self._chosen(ids):
+        for servo in self:
             groups.setdefault((servo.family.name, servo.baud), []).append(servo)
         return list(groups.values())
 
@@ -387,8 +478,10 @@ class Driver(Generic[S]):
             return list(registry.FAMILIES.values())
         return [registry.family(family) if isinstance(family, str) else family]
 
-    def _speeds(self, bauds: Iterable[int] | None) -> tuple[int, ...] | None:
-        return self.bauds if bauds is None else tuple(bauds)
+    def _speeds(self, bauds: int | Iterable[int] | None) -> tuple[int, ...] | None:
+        if bauds is None:
+            return self.bauds
+        return (bauds,) if isinstance(bauds, int) else tuple(bauds)
 
     def _known(self) -> list[S]:
         return list(self._servos)
@@ -424,10 +517,11 @@ class Driver(Generic[S]):
 
     def _reopened(self) -> None:
         """Begin anew on a port that was opened again: nothing of the old one can come any more."""
-        stats = self.link.stats
-        self.link.supersede()
+        old = self.link
+        old.supersede()
         self.link = self._new_link()
-        self.link.stats = stats
+        self.link.stats = old.stats
+        self.link.alarming = old.alarming  # so that the end of an alarm is told
 
     # What the link asks of us
 
@@ -437,9 +531,22 @@ class Driver(Generic[S]):
         return next(family for family in families if family.framing is framing).fences(id)
 
     def _heard(self, exchange: Exchange[Any], packet: Packet) -> None:
-        """Keep the alarms of a reply with the servo that sent it."""
+        """Keep the alarms of a reply with the servo that sent it, at the speed in use."""
         if exchange.alarms is None:
             return
+        baud = self.transport.baud
         for servo in self._servos:
-            if servo.id == packet.id and servo.family.framing is exchange.framing:
+            if servo.id == packet.id and servo.baud == baud and servo.family.framing is exchange.framing:
                 servo.note_alarms(exchange.alarms(packet))
+
+
+_Place: TypeAlias = tuple[str, int, int]
+"""What tells a servo from all others on a port: family, id and speed."""
+
+
+def _place(servo: Servo) -> _Place:
+    return servo.family.name, servo.id, servo.baud
+
+
+def _found_at(found: FoundServo) -> _Place:
+    return found.family.name, found.id, found.baud

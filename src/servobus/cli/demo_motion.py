@@ -67,7 +67,7 @@ class Dancer:
 
     def look(self) -> None:
         """Read where all are."""
-        for id, position in self.bus.read_all("present_position").items():
+        for id, position in self.bus.read_all("present_position").by_id().items():
             old = self.seen.get(id)
             self.seen[id] = Seen(position, old.goal if old else position)
 

@@ -20,7 +20,7 @@ from servobus.cli.output import note, warn_alarms
 from servobus.core.ids import BROADCAST, LAST_ID
 from servobus.errors import NoReply
 from servobus.families import registry
-from servobus.families.base import Answers, ServoRef
+from servobus.families.base import Answers, KnownServo, ServoRef
 from servobus.jobs.scan import ScanProgress, scan
 
 Ids = tuple[int | Literal["all"], ...]
@@ -125,8 +125,8 @@ def _release_all(bus: Bus, where: Where) -> None:
         # One broadcast for each place at which models of this family have their torque.
         models = {model.register("torque_enable").place: model for model in registry.models_of(family)}
         for model in models.values():
-            everyone = ServoRef(BROADCAST, model, Answers.READS)
             for baud in bauds:
+                everyone = KnownServo.of(ServoRef(BROADCAST, model, Answers.READS), baud)
                 bus.do(family.torque(everyone, on=False), baud=baud)
     click.echo(f"torque off: told every servo ({where})")
     note("nobody answers a broadcast; `servobus scan` shows who obeyed")

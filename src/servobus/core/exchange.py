@@ -151,6 +151,15 @@ class Pause:
     shared: bool = False
 
 
+class Now:
+    """Step of a procedure: `now = yield Now()` gives the time of the port's clock, in seconds.
+
+    Only differences of two such times mean something: the clock may be virtual.
+    """
+
+    __slots__ = ()
+
+
 @frozen
 class Batch:
     """Step of a procedure: several questions of one family, each sent before the answer to the last is in.
@@ -165,7 +174,7 @@ class Batch:
     again: bool = True
 
 
-Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Batch
+Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Now | Batch
 Procedure: TypeAlias = Generator[Step, Any, T]
 Job: TypeAlias = Exchange[T] | Procedure[T]
 

@@ -13,6 +13,7 @@ import enum
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from functools import partial
+from numbers import Integral
 from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 
 from servobus.core.units import Quantity, Scale
@@ -225,6 +226,11 @@ class Register(Generic[T]):
         """Give the raw value back, or raise BadValue if this register must not be given it."""
         if not self.writable:
             raise BadValue(f"{self.model} {self.name} can only be read")
+        given: object = raw
+        if type(given) is not int:
+            if isinstance(given, bool) or not isinstance(given, Integral):
+                raise BadValue(f"{self.model} {self.name}: {given!r:.40} is not a whole number, as a raw value must be")
+            raw = int(given)
         if not self.accepts(raw):
             raise BadValue(f"{self.model} {self.name}: {self._say(raw)} is not {self.range_text()}")
         return raw
@@ -260,6 +266,8 @@ class Register(Generic[T]):
         return f"in {self._say(low)} .. {self._say(high)}"
 
     def _say(self, raw: int) -> str:
+        if raw.bit_length() > 64:  # Python writes no int of more than 4300 digits
+            return f"an int of {raw.bit_length()} bits"
         try:
             shown = self.scale.show(self.scale.decode(raw))
         except ValueError:

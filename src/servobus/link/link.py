@@ -16,7 +16,7 @@ from collections.abc import Callable, Generator, Sequence
 from time import monotonic
 from typing import Any, Final, TypeAlias, TypeVar
 
-from servobus.core.exchange import Batch, Collector, Exchange, Job, Pause, SetBaud, Step, ack_only
+from servobus.core.exchange import Batch, Collector, Exchange, Job, Now, Pause, SetBaud, Step, ack_only
 from servobus.core.framing import Framing, Noise, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.values import frozen
@@ -102,8 +102,8 @@ class Link:
         self._unquiet = False
         """Whether bytes may be coming that nobody waits for."""
         self._answered: Exchange[Any] | None = None
-        self._alarming: set[int] = set()
-        """Ids whose last reply had an alarm in it."""
+        self.alarming: set[tuple[Framing, int, int]] = set()
+        """Servos whose last reply had an alarm in it: family, id and speed."""
         self._used_speed = False
         """Whether anything was sent since the speed last changed."""
         self._quiet_at = 0.0
@@ -147,6 +147,8 @@ class Link:
             return (yield from self.transact(step))
         if isinstance(step, Batch):
             return (yield from self._batch(step))
+        if isinstance(step, Now):
+            return self.transport.now()
         if isinstance(step, SetBaud):
             yield from self.set_baud(step.baud)
         else:
@@ -211,7 +213,7 @@ class Link:
         self.latency.note(late)
         self._answered = exchange
         alarms = exchange.alarms
-        if alarms is not None and (alarms(packet) or self._alarming):
+        if alarms is not None and (alarms(packet) or self.alarming):
             self._tell_alarms(exchange, packet)
         return exchange.interpret(packet)
 
@@ -228,6 +230,7 @@ class Link:
         self.superseded = self._slow_path = True
         link = type(self)(self.transport, echo=self.echo, heard=self._heard, fences=self._fences)
         link.stats, link.latency, link._late_replies = self.stats, self.latency, self._late_replies.copy()
+        link.alarming = self.alarming
         link._quiet_at, link._used_speed, link._unquiet = self._quiet_at, True, True
         link._clear_at = link._sent_at = self.transport.now() + self.latency.reply_margin
         return link
@@ -400,14 +403,15 @@ class Link:
         self._answered = exchange
         if self._late_replies:
             self._late_replies.resolve_before(packet.id, exchange, now)
-        if exchange.alarms is not None and (exchange.alarms(packet) or self._alarming):
+        if exchange.alarms is not None and (exchange.alarms(packet) or self.alarming):
             self._tell_alarms(exchange, packet)
 
     def _tell_alarms(self, exchange: Exchange[Any], packet: Packet) -> None:
         """Tell of alarms that are there, or that ended."""
         alarms = exchange.alarms is not None and exchange.alarms(packet)
-        if alarms or packet.id in self._alarming:
-            (self._alarming.add if alarms else self._alarming.discard)(packet.id)
+        servo = exchange.framing, packet.id, self.transport.baud
+        if alarms or servo in self.alarming:
+            (self.alarming.add if alarms else self.alarming.discard)(servo)
             self._heard(exchange, packet)
 
     # What may still come

@@ -7,14 +7,16 @@ import pytest
 
 from servobus import DRS0602, LX16A, RX28, BadValue, deg, dynamixel1, herkulex
 from servobus.core.exchange import Exchange
-from servobus.families.base import Answers, AxisMove, Model, ServoRef
+from servobus.families.base import Answers, AxisMove, KnownServo, Model, ServoRef
 from unit.lossy import ASYNC, SYNC, Bench
 
 
 def packets(model: type[Model], count: int, durations: list[float]) -> Iterator[bytes]:
     """Give the packets that start moves of so many servos, ids from 0 on, goals 100 + id."""
     axes = [
-        AxisMove(ServoRef(id, model, Answers.READS), 100 + id, 1.0, durations[id % len(durations)])
+        AxisMove(
+            KnownServo.of(ServoRef(id, model, Answers.READS), 57_600), 100 + id, 1.0, durations[id % len(durations)]
+        )
         for id in range(count)
     ]
     for step in model.family.start_moves(axes):

@@ -131,7 +131,7 @@ def test_a_servo_that_answers_nothing_is_written_to_unseen(key: str) -> None:
 def test_a_flood_of_writes_is_stopped_until_a_minute_has_passed(key: str, driver: str) -> None:
     bench, row = bench_for(key, driver), SETTING[key]
     now = 1000.0
-    bench.servo.notes.clock = lambda: now
+    bench.servo.record.clock = lambda: now
     for count in range(10):
         now += 1.0
         bench.do(lambda servo, count=count: servo.store({row: 60.0 + count}))
@@ -159,7 +159,7 @@ def test_other_registers_have_brakes_of_their_own_and_it_can_be_taken_off() -> N
     servo.write_raw({RX28.max_torque: 500})
     with pytest.raises(EepromWear):
         servo.write_raw({RX28.highest_limit_temperature: 30})
-    servo.notes.most = None
+    servo.record.most = None
     servo.write_raw({RX28.highest_limit_temperature: 30})
     assert servo.eeprom_writes == 12
 

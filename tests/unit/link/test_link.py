@@ -13,7 +13,7 @@ import pytest
 
 from servobus import DRS0602, RX28, BadChecksum, Bus, NoReply, dynamixel1
 from servobus.bus.asyncio import AsyncBus
-from servobus.core.exchange import Batch, Reply
+from servobus.core.exchange import Batch, Now, Pause, Procedure, Reply
 from servobus.errors import BrokenEcho, DuplicateId, LineBusy
 from servobus.link.latency import Latency
 from unit.bus.test_blocking import ANSWER, MODEL_BYTE, OK, PING, TEMPERATURE
@@ -478,3 +478,15 @@ def test_of_two_errors_silence_says_less() -> None:
     bus, _ = linked("FF FF 01 03 00 21 DB", None)
     with pytest.raises(BadChecksum):
         temperature(bus)
+
+
+def test_a_procedure_can_ask_for_the_time() -> None:
+    def job() -> Procedure[tuple[float, float]]:
+        before: float = yield Now()
+        yield Pause(0.25)
+        after: float = yield Now()
+        return before, after
+
+    bus, port = linked()
+    port.sleep(1.5)
+    assert bus.do(job()) == (1.5, 1.75)

@@ -333,7 +333,7 @@ def test_a_stop_is_not_refused_for_being_far_from_the_goal() -> None:
         servo.stop()
         servo.write_raw({RX28.moving_speed: 0})
         raise ValueError("a slip")
-    assert not servo.notes.driven
+    assert not servo.permit.driven
 
 
 @DRIVERS

@@ -14,6 +14,7 @@ from servobus.families.base import (
     AxisMove,
     Family,
     Identity,
+    KnownServo,
     Model,
     MotionStatus,
     Question,
@@ -160,12 +161,12 @@ class Dynamixel1(Family):
         model = target.model
         motion_status = yield from self.motion_status(target)
         if motion_status.turning:
-            yield from self.write(target, {model.register("moving_speed"): 0})
+            yield from self.put(target, {model.register("moving_speed"): 0}, keep=False)
             return
         (position,) = yield from self.read(target, [model.register("present_position")])
-        yield from self.write(target, {model.register("goal_position"): position})
+        yield from self.put(target, {model.register("goal_position"): position}, keep=False)
 
-    def torque(self, target: ServoRef, on: bool) -> Procedure[None]:
+    def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         model = target.model
         if on:
             motion_status = yield from self.motion_status(target)
@@ -186,7 +187,7 @@ class Dynamixel1(Family):
         alarms: Error = yield asking.mapped(lambda packet: Error(packet.code) & ALARMS)
         return alarms
 
-    def rearm(self, target: ServoRef) -> Procedure[None]:
+    def rearm(self, target: KnownServo) -> Procedure[None]:
         """End a shutdown: it has set Torque Limit to 0 and left Torque Enable on (3-4-1 Alarm Shutdown).
 
         So Torque Enable goes off first. Else the servo would run to its old goal as soon as it has its limit back.
@@ -212,7 +213,7 @@ class Dynamixel1(Family):
         if not (on and limited):
             raise BusError(f"{target}: the torque did not come on")
 
-    def turn(self, target: ServoRef, *, speed: float | None, output: float | None) -> Procedure[None]:
+    def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""
         if output is None or speed is not None:
             raise cannot(
@@ -230,7 +231,7 @@ class Dynamixel1(Family):
             yield from self.write(target, limits)
         yield from self._write_raw_speed(target, share)
 
-    def position_mode(self, target: ServoRef, limits: tuple[int, int] | None) -> Procedure[None]:
+    def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
         model = target.model
         motion_status = yield from self.motion_status(target)
         if not motion_status.turning and limits is None:
@@ -242,26 +243,26 @@ class Dynamixel1(Family):
             yield from self._write_raw_speed(target, 0)
         yield from self.write(target, {low: limits[0], high: limits[1]})
 
-    def led(self, target: ServoRef, colour: str) -> Procedure[None]:
+    def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in ("on", "off", "red"):
             raise BadValue(f"{target} has one red light: on or off, not {colour!r}")
         yield from self.write(target, {target.model.register("led"): int(colour != "off")})
 
-    def reboot(self, target: ServoRef) -> Procedure[None]:
+    def reboot(self, target: KnownServo) -> Procedure[None]:
         yield from ()  # a procedure without steps
         raise cannot(target, "be rebooted", "protocol 1.0 has no such instruction; switch its power off and on")
 
-    def reset(self, target: ServoRef, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+    def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         if keep:
             raise cannot(target, f"keep {', '.join(sorted(keep))}", "RESET restores everything, id and baud included")
         yield from reset(target.id, answered=_answers(target))
         factory_id = target.model.register("id").default
         return target.id if factory_id is None else factory_id, target.model.factory_baud
 
-    def set_id(self, target: ServoRef, id: int) -> Procedure[None]:
+    def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
         yield from self.write(target, {target.model.register("id"): check_id(id)})
 
-    def set_baud(self, target: ServoRef, baud: int) -> Procedure[None]:
+    def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         register = target.model.register("baud")
         yield from self.write(target, {register: register.encode(baud)})
 

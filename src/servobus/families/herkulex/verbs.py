@@ -18,6 +18,7 @@ from servobus.families.base import (
     AxisMove,
     Family,
     Identity,
+    KnownServo,
     Model,
     MotionStatus,
     Question,
@@ -181,7 +182,7 @@ class Herkulex(Family):
         else:
             yield from _jog(target, Jog(target.id, _nearest(target, motion_status), stop=True))
 
-    def torque(self, target: ServoRef, on: bool) -> Procedure[None]:
+    def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         """Switch torque. The servo itself takes the present position as its goal (H-51).
 
         Raises Refused if the torque stays off: while an error of its Torque Policy stands the servo does not
@@ -200,7 +201,7 @@ class Herkulex(Family):
         pwm, limit = yield from self.read(target, rows)
         return abs(pwm) / limit if limit else 0.0
 
-    def brake(self, target: ServoRef) -> Procedure[None]:
+    def brake(self, target: KnownServo) -> Procedure[None]:
         """Torque Control 0x40 (5-2 RAM 52)."""
         yield from self.write(target, {target.model.register("torque_control"): TorqueControl.BRAKE})
 
@@ -208,7 +209,7 @@ class Herkulex(Family):
         """STAT: Status Error, in which every alarm stays until it is cleared (6-3 Example 2)."""
         return (yield from stat(target.id)).status_error
 
-    def rearm(self, target: ServoRef) -> Procedure[None]:
+    def rearm(self, target: KnownServo) -> Procedure[None]:
         """Clear Status Error and Status Detail, then switch the torque on: it takes the present position (H-51).
 
         What is wrong shows in Status Error only after ADC Fault Check Period, so supply and temperature are compared
@@ -241,7 +242,7 @@ class Herkulex(Family):
         if not (yield from self.motion_status(target)).torque:
             raise BusError(f"{target}: the torque did not come on")
 
-    def _clear(self, target: ServoRef) -> Procedure[StatusError]:
+    def _clear(self, target: KnownServo) -> Procedure[StatusError]:
         """Write 0 to Status Error and Status Detail; give what stands there afterwards."""
         clear = {target.model.register(name): 0 for name in ("status_error", "status_detail")}
         yield from self.write(target, clear)
@@ -251,7 +252,7 @@ class Herkulex(Family):
             ack = yield from stat(target.id)
         return ack.status_error
 
-    def turn(self, target: ServoRef, *, speed: float | None, output: float | None) -> Procedure[None]:
+    def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Infinite turn, with controlled speed. Asked for more than it reaches, it obeys late (6-5)."""
         if speed is None or output is not None:
             raise cannot(target, "turn at a share of full output", "it controls its speed; give speed in rad/s")
@@ -262,7 +263,7 @@ class Herkulex(Family):
         raw = scale.encode(speed)
         yield from _jog(target, Jog(target.id, raw, ControlMode.INFINITE_TURN, playtime=_TURN_PLAYTIME))
 
-    def position_mode(self, target: ServoRef, limits: tuple[int, int] | None) -> Procedure[None]:
+    def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
         if limits is not None:
             low, high = (target.model.register(name) for name in ("min_position", "max_position"))
             yield from self.write(target, {low: limits[0], high: limits[1]})
@@ -279,14 +280,13 @@ class Herkulex(Family):
         if free:
             yield from self.torque(target, on=True)
 
-    def led(self, target: ServoRef, colour: str) -> Procedure[None]:
+    def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in _COLOURS:
             raise BadValue(f"{target} has no light {colour!r}, only {', '.join(_COLOURS)}")
         yield from self.write(target, {target.model.register("led_control"): _COLOURS[colour]})
 
-    def reboot(self, target: ServoRef) -> Procedure[None]:
-        if target.notes is not None:
-            target.notes.forget()
+    def reboot(self, target: KnownServo) -> Procedure[None]:
+        target.record.forget()
         try:
             yield from reboot(target.id, answered=_answers(target))
         except BusError:
@@ -294,7 +294,7 @@ class Herkulex(Family):
             raise
         yield Pause(BOOT_TIME)
 
-    def reset(self, target: ServoRef, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+    def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         if unknown := keep - _KEEPS.keys():
             raise cannot(target, f"keep {', '.join(sorted(unknown))}", f"ROLLBACK can keep {', '.join(_KEEPS)}")
         id, baud = (target.model.register(name) for name in ("id", "baud_rate"))
@@ -311,7 +311,7 @@ class Herkulex(Family):
         yield from self.reboot(target)
         return new_id, baud.decode(code)
 
-    def set_id(self, target: ServoRef, id: int) -> Procedure[None]:
+    def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
         """Write EEP, then RAM, both under the old id: it changes with the second write (H-36).
 
         EEP is read back in between. So a servo that goes by the new id keeps it, and one that still goes by the old
@@ -322,14 +322,14 @@ class Herkulex(Family):
         if id != target.id:
             yield from self.put(target, {row: id}, keep=False)
 
-    def set_baud(self, target: ServoRef, baud: int) -> Procedure[None]:
+    def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         """Write EEP and restart: Baud Rate acts only then (H-37)."""
         register = target.model.register("baud_rate")
         yield from self._keep(target, register, register.encode(baud))
         yield Pause(EEP_TIME)
         yield from self.reboot(target)
 
-    def _keep(self, target: ServoRef, row: Register[Any], raw: int) -> Procedure[None]:
+    def _keep(self, target: KnownServo, row: Register[Any], raw: int) -> Procedure[None]:
         """Write one register to EEP and nowhere else, until it is there. Raises BusError if it does not get there."""
         part = row.place.locations[-1], row.layout.pack(raw)
         if target.answers is Answers.NOTHING:  # then nothing can be made sure of
@@ -339,9 +339,8 @@ class Herkulex(Family):
             (kept,) = yield from self.read_stored(target, [row])
             if kept == raw:
                 return
-            if target.notes is not None:
-                target.notes.check_wear(str(target), [row])
-                target.notes.wrote([row])
+            target.record.check_wear(str(target), [row])
+            target.record.wrote([row])
             yield from _send(target, [part])
         (kept,) = yield from self.read_stored(target, [row])
         if kept != raw:

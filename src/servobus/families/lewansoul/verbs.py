@@ -14,6 +14,7 @@ from servobus.families.base import (
     AxisMove,
     Family,
     Identity,
+    KnownServo,
     Model,
     MotionStatus,
     Question,
@@ -134,7 +135,7 @@ class Lewansoul(Family):
         if (yield from self._mode(target)) == Mode.MOTOR:
             yield from mode_write(target.id, Mode.MOTOR, 0)
 
-    def torque(self, target: ServoRef, on: bool) -> Procedure[None]:
+    def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         """Nothing jumps: a servo that is loaded holds the angle at which it is (L-70, assumption)."""
         yield from self.write(target, {target.model.register("torque_enable"): int(on)})
 
@@ -158,7 +159,7 @@ class Lewansoul(Family):
             alarms |= Alarm.OVER_VOLTAGE
         return alarms
 
-    def rearm(self, target: ServoRef) -> Procedure[None]:
+    def rearm(self, target: KnownServo) -> Procedure[None]:
         """Unload, make the present position the goal, load: of itself it would go on with its last move (16).
 
         What became of a move that was given without torque is not said (L-69): the one to where it is replaces it.
@@ -181,14 +182,14 @@ class Lewansoul(Family):
         if not (yield from self.motion_status(target)).torque:
             raise BusError(f"{target}: the torque did not come on")
 
-    def turn(self, target: ServoRef, *, speed: float | None, output: float | None) -> Procedure[None]:
+    def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Motor mode: the "speed" of the manual is a duty, nothing measures how fast it turns."""
         if output is None or speed is not None:
             raise cannot(target, "turn at a given speed", "motor mode has no speed control; give output=-1..1")
         duty = target.model.register("motor_speed").encode(check_output(output))
         yield from mode_write(target.id, Mode.MOTOR, duty)
 
-    def position_mode(self, target: ServoRef, limits: tuple[int, int] | None) -> Procedure[None]:
+    def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
         """Motor mode leaves the angle limits alone, so `limits` are written only where they are given."""
         if limits is not None:
             rows = (target.model.register("min_position"), target.model.register("max_position"))
@@ -196,25 +197,25 @@ class Lewansoul(Family):
         if (yield from self._mode(target)) == Mode.MOTOR:
             yield from mode_write(target.id, Mode.POSITION)
 
-    def led(self, target: ServoRef, colour: str) -> Procedure[None]:
+    def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in ("on", "off"):
             raise BadValue(f"{target} has one light: on or off, not {colour!r}")
         led = target.model.register("led")
         yield from self.write(target, {led: led.encode(colour == "on")})
 
-    def reboot(self, target: ServoRef) -> Procedure[None]:
+    def reboot(self, target: KnownServo) -> Procedure[None]:
         yield from ()  # a procedure without steps
         raise cannot(target, "be rebooted", "the protocol has no such command; switch its power off and on")
 
-    def reset(self, target: ServoRef, keep: frozenset[str]) -> Procedure[tuple[int, int]]:  # noqa: ARG002
+    def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:  # noqa: ARG002
         yield from ()  # a procedure without steps
         why = "the protocol has no such command; restore a backup, or set the registers one by one"
         raise cannot(target, "be reset", why)
 
-    def set_id(self, target: ServoRef, id: int) -> Procedure[None]:
+    def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
         yield from self.write(target, {target.model.register("id"): check_id(id)})
 
-    def set_baud(self, target: ServoRef, baud: int) -> Procedure[None]:
+    def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         yield from ()  # a procedure without steps
         raise cannot(target, f"talk at {baud} baud", f"its speed is fixed at {target.model.factory_baud} (manual 2)")
 
