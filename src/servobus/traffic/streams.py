@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from servobus.core.framing import Corrupt, Decoder, Event, Noise, Packet
-from servobus.families.base import Family, Model
-from servobus.families.registry import FAMILIES, MODELS
+from servobus.families.base import Family
+from servobus.families.registry import FAMILIES
 from servobus.traffic.recording import Chunk, Direction
 
 
@@ -64,11 +64,6 @@ class Stream:
 
 
 # Which family
-
-
-def first_model(family: Family) -> type[Model]:
-    """Give the model whose registers are meant where none is named."""
-    return next(model for model in MODELS.values() if model.family.name == family.name)
 
 
 def best_family(chunks: Sequence[Chunk]) -> Family | None:

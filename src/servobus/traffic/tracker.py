@@ -17,10 +17,10 @@ from servobus.core.exchange import Reply
 from servobus.core.framing import Corrupt, Event, Noise, Packet
 from servobus.families.base import Family, Model, Question
 from servobus.families.explain import addressed, servo, show_bytes
-from servobus.families.registry import FAMILIES, MODELS
+from servobus.families.registry import FAMILIES, MODELS, first_model
 from servobus.traffic.events import GRAIN, Kind, ServoTraffic, TrafficEvent, Trouble
 from servobus.traffic.recording import DIGITS, Chunk, Direction, End, Entry, Speed
-from servobus.traffic.streams import Mark, Stream, best_family, certain_family, first_model, good_bytes
+from servobus.traffic.streams import Mark, Stream, best_family, certain_family, good_bytes
 
 QUIET = 0.05
 """s; assumption: no adapter keeps back the rest of a packet for so long."""

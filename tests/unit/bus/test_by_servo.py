@@ -1,4 +1,4 @@
-"""Two servos with one id, of two families or at two speeds: none is lost, and nothing meant for one goes to the other."""
+"""Two servos with one id, of two families or at two speeds: none is lost, nothing meant for one goes to the other."""
 
 import asyncio
 import math
