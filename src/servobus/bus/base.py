@@ -190,7 +190,7 @@ class BaseBus(Closed, Generic[S]):
         """Name a servo that is there, without asking it anything.
 
         The known servo of this family and id is given back, with all that was noted of it; with another `baud` a second
-        servo is made, for one port may carry both. One that is not known yet is assumed at `baud`, or at the factory
+        servo is made, for one port may carry both. One that is not known yet is assumed at `baud`, or at its factory
         speed. `answers` defaults to the model's factory setting. From now on it is of this model, whatever a scan takes
         it for. Raises BadValue for an id that no single servo can have, UnknownName if two servos could be meant.
         """
@@ -209,7 +209,7 @@ class BaseBus(Closed, Generic[S]):
             answers = Answers.READS if level is None or level.default is None else Answers(level.default)
         if old is not None:
             baud = old.baud
-        servo = self._know(ServoRef(id, model, answers), baud or model.family.default_baud, firmware, old)
+        servo = self._know(ServoRef(id, model, answers), baud or model.factory_baud, firmware, old)
         self._named.add(servo)
         if baud is None:
             self._speed_assumed.add(servo)
@@ -534,7 +534,9 @@ class BaseBus(Closed, Generic[S]):
     # What the link asks of us
 
     def _fences(self, framing: Framing, id: int) -> Sequence[Exchange[Any]]:
-        return _FAMILY_OF[framing].fences(id)
+        known = (servo.family for servo in self._servos)
+        families = (family for some in (known, registry.FAMILIES.values()) for family in some)
+        return next(family for family in families if family.framing is framing).fences(id)
 
     def _heard(self, exchange: Exchange[Any], packet: Packet) -> None:
         """Keep the alarms of a reply with the servo that sent it, at the speed in use."""
@@ -556,6 +558,3 @@ def _place(servo: Servo) -> _Place:
 
 def _found_at(found: FoundServo) -> _Place:
     return found.family.name, found.id, found.baud
-
-
-_FAMILY_OF = {family.framing: family for family in registry.FAMILIES.values()}

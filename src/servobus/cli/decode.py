@@ -17,7 +17,6 @@ from servobus.families.base import Family, Model
 from servobus.families.present import packet_entries
 from servobus.traffic.present import BYTES_PER_LINE
 from servobus.traffic.recording import is_recording, parse
-from servobus.traffic.streams import first_model
 from servobus.traffic.tracker import Tracker
 
 INDENT = " " * 8
@@ -94,7 +93,7 @@ def named(family: str | None, model: str | None) -> tuple[Family | None, type[Mo
 def _model(data: bytes, family: str | None, model: str | None) -> type[Model]:
     """Find whose packets and registers these are, from what is said of them or from the bytes."""
     known, table = named(family, model)
-    return table or first_model(known or guess(data))
+    return table or registry.first_model(known or guess(data))
 
 
 def guess(data: bytes) -> Family:

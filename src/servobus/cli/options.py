@@ -144,8 +144,8 @@ class Where:
 
     def _bauds(self, family: Family) -> tuple[int, ...]:
         if self.baud == ALL:
-            return family.bauds
-        return (family.default_baud if self.baud is None else self.baud,)
+            return registry.bauds(family)
+        return registry.factory_bauds(family) if self.baud is None else (self.baud,)
 
     def __str__(self) -> str:
         return ", ".join(f"{family.name} at {'/'.join(map(str, bauds))}" for family, bauds in self.rounds())

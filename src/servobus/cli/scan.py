@@ -10,6 +10,7 @@ from servobus import Bus
 from servobus.cli.options import Where, as_json, id_list, on_port, opened, verb
 from servobus.cli.output import console, note, print_json
 from servobus.core.ids import LAST_ID
+from servobus.families import registry
 from servobus.families.present import servo_entry
 from servobus.jobs.scan import FoundServo, ScanProblem, ScanProgress, ScanResult
 from servobus.jobs.scan import scan as scan_procedure
@@ -39,7 +40,7 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     """
     wanted = id_list(ids)
     rounds = where.rounds()
-    if isinstance(where.baud, int) and not any(where.baud in family.bauds for family, _ in rounds):
+    if isinstance(where.baud, int) and not any(where.baud in registry.bauds(family) for family, _ in rounds):
         typical_delay = ", ".join(family.name for family, _ in rounds)
         note(f"{where.baud} baud is no usual speed of {typical_delay} servos; asking all the same")
     with opened(port) as bus, ExitStack() as stack:

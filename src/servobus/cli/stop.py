@@ -5,7 +5,7 @@ from typing import Literal
 
 import click
 
-from servobus import MODELS, Bus, BusServo, ServobusError
+from servobus import Bus, BusServo, ServobusError
 from servobus.cli.options import (
     ALL,
     ID_OR_ALL,
@@ -19,6 +19,7 @@ from servobus.cli.options import (
 from servobus.cli.output import note, warn_alarms
 from servobus.core.ids import BROADCAST, LAST_ID
 from servobus.errors import NoReply
+from servobus.families import registry
 from servobus.families.base import Answers, KnownServo, ServoRef
 from servobus.jobs.scan import ScanProgress, scan
 
@@ -121,9 +122,11 @@ def _everyone(bus: Bus, where: Where, at_once: Callable[[BusServo], None]) -> li
 
 def _release_all(bus: Bus, where: Where) -> None:
     for family, bauds in where.rounds():
-        model = next(model for model in MODELS.values() if model.family.name == family.name)
-        for baud in bauds:
-            everyone = KnownServo.of(ServoRef(BROADCAST, model, Answers.READS), baud)
-            bus.do(family.torque(everyone, on=False), baud=baud)
+        # One broadcast for each place at which models of this family have their torque.
+        models = {model.register("torque_enable").place: model for model in registry.models_of(family)}
+        for model in models.values():
+            for baud in bauds:
+                everyone = KnownServo.of(ServoRef(BROADCAST, model, Answers.READS), baud)
+                bus.do(family.torque(everyone, on=False), baud=baud)
     click.echo(f"torque off: told every servo ({where})")
     note("nobody answers a broadcast; `servobus scan` shows who obeyed")

@@ -77,11 +77,11 @@ def scan(
 ) -> Procedure[ScanResult]:
     """Ask every id of every family at every speed whether it is there. Moves nothing, changes nothing.
 
-    `bauds` None means each family's factory speed. What is found is put into `survey` at once, so it is there even
-    if the scan is broken off.
+    `bauds` None means the factory speeds of each family's models. What is found is put into `survey` at once, so it is
+    there even if the scan is broken off.
     """
     wanted = [check_id(id) for id in ids]
-    rounds = [(baud, family) for family in families for baud in bauds or (family.default_baud,)]
+    rounds = [(baud, family) for family in families for baud in bauds or registry.factory_bauds(family)]
     survey = ScanResult() if survey is None else survey
     done = 0
     for baud, family in sorted(rounds, key=lambda item: item[0]):
@@ -138,5 +138,7 @@ def find(families: Sequence[Family], bauds: Sequence[int] | None, id: int) -> Pr
         )
     if survey.troubles:
         raise survey.troubles[0].error
-    tried = ", ".join(f"{family.name} at {'/'.join(map(str, bauds or (family.default_baud,)))}" for family in families)
+    tried = ", ".join(
+        f"{family.name} at {'/'.join(map(str, bauds or registry.factory_bauds(family)))}" for family in families
+    )
     raise NoReply(f"no servo answers to id {id} (tried {tried}); is it powered, and is that its speed?")
