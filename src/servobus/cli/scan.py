@@ -39,11 +39,12 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     has, which takes minutes on a real port. That nobody is there is an answer too: --json prints [] then.
     """
     wanted = id_list(ids)
-    rounds = where.rounds()
+    rounds = list(where.rounds())
     if isinstance(where.baud, int) and not any(where.baud in registry.bauds(family) for family, _ in rounds):
         typical_delay = ", ".join(family.name for family, _ in rounds)
         note(f"{where.baud} baud is no usual speed of {typical_delay} servos; asking all the same")
     with opened(port) as bus, ExitStack() as stack:
+        bus.models = where.model
         total = len(wanted) * sum(len(bauds) for _, bauds in rounds)
         bar = Bar(stack, total)
 
@@ -56,7 +57,7 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
         survey = ScanResult()
         try:
             for family, bauds in rounds:
-                bus.do(scan_procedure([family], bauds, wanted, watch, survey))
+                bus.do(scan_procedure([family], bauds, wanted, watch, survey, bus.identify))
         except KeyboardInterrupt:
             note("servobus: stopped; this is what was found so far")
     found, troubles = survey.found, survey.troubles
