@@ -16,9 +16,9 @@ import pytest
 
 from servobus import MODELS
 from servobus.core.framing import Packet
-from servobus.core.registers import Access, Register
+from servobus.core.registers import Access, EepRam, Register
 from servobus.core.units import Quantity, deg
-from servobus.families.base import Answers, Model
+from servobus.families.base import Answers, Family, Model
 
 CODE = 4
 """Place of the instruction or command in a packet; the same in the three families."""
@@ -306,6 +306,11 @@ def factory_baud(model: type[Model]) -> int:
     return model.family.default_baud
 
 
+def factory_bauds(family: Family) -> tuple[int, ...]:
+    """Give the speeds at which the models of a family leave the factory, each once."""
+    return tuple(dict.fromkeys(factory_baud(model) for model in MODELS.values() if model.family is family))
+
+
 def other_bauds(model: type[Model]) -> list[int]:
     """Give some speeds that a model can be set to, without its factory speed."""
     return [baud for baud in SAMPLES[model.family.name].speeds if baud != factory_baud(model)]
@@ -355,16 +360,46 @@ def widest_range(model: type[Model]) -> tuple[int, int]:
     return model.register("min_position").limits[0], model.register("max_position").limits[1]
 
 
+def zero(model: type[Model]) -> int:
+    """Give the raw position of the angle 0."""
+    scale = model.register("present_position").scale
+    assert isinstance(scale, Quantity)
+    return scale.zero
+
+
 def seams(model: type[Model]) -> list[int]:
     """Give raw positions at the ends of the goals, at a zero between them, and beyond where the sensor tells those."""
     low, high = goal_range(model)
-    scale = model.register("present_position").scale
     places = {low, low + 1, high - 1, high}
-    if isinstance(scale, Quantity) and low < scale.zero < high:
-        places |= {scale.zero - 1, scale.zero}
+    if low < zero(model) < high:
+        places |= {zero(model) - 1, zero(model)}
     if SAMPLES[model.family.name].beyond:
         places |= {low - 30, low - 1, high + 30}
     return sorted(places)
+
+
+def ends(model: type[Model]) -> list[int]:
+    """Give raw positions at and near the ends of all that the sensor tells, and at the ends of the goals."""
+    (low, high), (first, last), beyond = goal_range(model), widest_range(model), SAMPLES[model.family.name].beyond
+    places = {first, first + 1, low, (low + high + 1) // 2, high, last - 1, last}
+    if low < zero(model) < high:
+        places.add(zero(model))
+    if beyond:
+        places |= {first - beyond, first - 12, first - 1, last + 1, last + beyond}
+    return sorted(places)
+
+
+def keeps_twice(model: type[Model]) -> bool:
+    """Tell whether settings are kept in EEPROM and act from a copy in RAM, which can be written alone."""
+    return isinstance(model.register("max_temperature").place, EepRam)
+
+
+def ram_setting(model: type[Model]) -> Register[Any] | None:
+    """Give a register that acts from RAM, is written without moving anything, and is not changed by the servo itself.
+
+    None where there is none.
+    """
+    return next((model.register(name) for name in ("punch", "position_kp") if has(model, name)), None)
 
 
 def steady(model: type[Model]) -> str:
