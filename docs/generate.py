@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from servobus import MODELS
-from servobus.core.registers import Access, Address, Area, Eep, EepRam, Int, Pair, Ram, Register
+from servobus.core.registers import Access, Area, Int, Register
 from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Switch, deg, rpm, show, shown
 from servobus.families.base import Model
 
@@ -76,7 +76,7 @@ def index() -> str:
             model.family.title,
             model.sheet.maker,
             _default(model.register("id")),
-            f"{model.family.default_baud} baud",
+            f"{model.factory_baud} baud",
             len(model.registers),
         )
         for key, model in MODELS.items()
@@ -160,23 +160,16 @@ def _row(row: Register[Any]) -> tuple[str, ...]:
     meaning = row.meaning + (f" ({_linked(row.note)})" if row.note else "")
     kept = "EEPROM" if row.area is Area.EEPROM else "RAM"
     access = f"{row.access.value}, {kept}"
-    return f"`{row.name}`", _where(row), _layout(row.layout), access, _default(row), _limits(row), _step(row), meaning
-
-
-def _where(row: Register[Any]) -> str:
-    match row.place:
-        case Address(address):
-            return str(address)
-        case Eep(address):
-            return f"EEP {address}"
-        case Ram(address):
-            return f"RAM {address}"
-        case EepRam(eep, ram):
-            return f"EEP {eep}, RAM {ram}"
-        case Pair(None, read, at):
-            return f"read {read:d}" + (f", byte {at}" if at else "")
-        case Pair(write, read, at):
-            return f"write {write:d}, read {read:d}" + (f", byte {at}" if at else "")
+    return (
+        f"`{row.name}`",
+        row.place.text(),
+        _layout(row.layout),
+        access,
+        _default(row),
+        _limits(row),
+        _step(row),
+        meaning,
+    )
 
 
 def _layout(layout: Int) -> str:
@@ -247,12 +240,12 @@ def _codes(model: type[Model]) -> Iterator[str]:
         yield f"{kind}, in {', '.join(names)}. {_linked(_clean(options.__doc__ or ''))}"
         rows = [(f"{option:d}", f"{option:#04x}", f"`{option.name.lower()}`") for option in options]
         yield _table(("Raw", "Hex", "Name"), rows)
-    baud = model.registers.get(model.aliases.get("baud", "baud"))
+    baud = model.optional("baud")
     if baud is None:
         return
     yield "## Bus speeds"
     yield f"Codes of `{baud.name}` for the usual speeds."
-    codes = sorted((baud.encode(speed), speed) for speed in model.family.bauds)
+    codes = sorted((baud.encode(speed), speed) for speed in model.bauds)
     rows = [(str(code), str(speed), f"{baud.decode(code)}") for code, speed in codes]
     yield _table(("Code", "Speed, bit/s", "As the servo has it"), rows)
 

@@ -21,7 +21,7 @@ from servobus.core.units import deg
 from servobus.errors import UsageError
 from servobus.families.lewansoul.firmware import LewansoulServo
 from servobus.families.lewansoul.models.lx16a import LX16A
-from servobus.virtual.device.motor_data import LX16A as MOTOR
+from servobus.families.lewansoul.motors import LX16A as MOTOR
 from servobus.virtual.device.servo import VirtualServo, virtual_servo
 from servobus.virtual.physics.motor import Load, no_load_speed, operating_point
 from servobus.virtual.physics.shaft import Rail
@@ -116,8 +116,8 @@ def block(wire: Wire, blocked: bool = True) -> None:
     wire.servo.shaft.load = Load(blocked=1.0 if blocked else 0.0)
 
 
-def memory(wire: Wire) -> tuple[bytes, bytes, bytes]:
-    return wire.servo.memory.table, wire.servo.memory.eep, wire.servo.memory.ram
+def memory(wire: Wire) -> dict[str, bytes]:
+    return wire.servo.memory.image()
 
 
 def light(wire: Wire, seconds: float = 2.0) -> str:

@@ -137,7 +137,7 @@ def test_F9_a_servo_at_another_speed_is_found(key: str, baud: int, driver: str) 
     rig = FaultRig(key, driver, ids="3", options=f"&baud={baud}", settle=False)
     with pytest.raises((NoReply, Garbled)):
         rig.read(3)
-    (servo,) = rig.do(lambda bus: bus.scan(family=rig.model.family, bauds=rig.model.family.bauds, ids=range(5)))
+    (servo,) = rig.do(lambda bus: bus.scan(family=rig.model.family, bauds=rig.model.bauds, ids=range(5)))
     assert (servo.id, servo.baud) == (3, baud)
     assert rig.try_position(3) == "right"
 
@@ -145,11 +145,12 @@ def test_F9_a_servo_at_another_speed_is_found(key: str, baud: int, driver: str) 
 @pytest.mark.parametrize("key", ["rx28", "drs0602"])
 def test_F9_the_doctor_names_the_speed(key: str) -> None:
     """`doctor` with the other speeds to spare says at which one they answer."""
-    family = MODELS[key].family
-    plan = Plan([(family, (family.default_baud,))], [(family, family.bauds)], ids=range(3), reads=5)
+    model = MODELS[key]
+    family = model.family
+    plan = Plan([(family, (model.factory_baud,))], [(family, model.bauds)], ids=range(3), reads=5)
     findings = list(examine(f"virtual:{key}@1?clock=virtual&baud=500000", plan))
     assert [one.what for one in findings if one.check == "speed"] == [
-        f"{family.name} at 500000 (from the factory {family.default_baud})"
+        f"{family.name} at 500000 (from the factory {model.factory_baud})"
     ]
     assert all(one.level is not Level.FAIL for one in findings)
 

@@ -105,7 +105,7 @@ class Bench:
 
     def really_at(self) -> tuple[int, int]:
         """Where the virtual servo is; speeds as the manual prints them."""
-        near = min(self.real.model.family.bauds, key=lambda baud: abs(baud - self.real.baud))
+        near = min(self.real.model.bauds, key=lambda baud: abs(baud - self.real.baud))
         return self.real.id, near
 
     def stored(self, name: str) -> int:

@@ -74,26 +74,31 @@ VIOLATIONS = [
     ("families", "families.base", "families.registry"),
     ("families", "families.base", "families.dynamixel.verbs"),
     ("families", "families.base", "families.explain"),
+    ("families", "families.model", "families.registry"),
     ("families", "families.explain", "families.present"),
     ("families", "families.record", "families.base"),
     *[("family", f"families.{one}.protocol", f"families.{one}.verbs") for one in FAMILIES],
     *[("family", f"families.{one}.verbs", f"families.{one}.firmware") for one in FAMILIES],
     ("family", "families.dynamixel.verbs", "families.dynamixel.models.rx28"),
     ("family", "families.herkulex.protocol", "families.herkulex.explain"),
+    ("family", "families.herkulex.places", "families.herkulex.verbs"),
+    ("family", "families.herkulex.protocol", "families.herkulex.places"),
     ("family", "families.herkulex.explain", "families.herkulex.verbs"),
     ("packets", "families.dynamixel.protocol", "families.base"),
+    ("packets", "families.lewansoul.protocol", "families.model"),
     ("packets", "families.herkulex.protocol", "transports.base"),
     # The driver's side of a family never imports what runs inside a virtual servo.
     *[
         ("firmware", f"families.{one}.{module}", f"families.{one}.{inside}")
         for one in FAMILIES
         for module in ("protocol", "verbs", "models")
-        for inside in ("firmware", "control")
+        for inside in ("firmware", "control", "motors")
     ],
     ("firmware", "families.herkulex.explain", "families.herkulex.control"),
     ("firmware", "families.registry", "families.dynamixel.firmware"),
     ("firmware", "jobs.scan", "families.dynamixel.firmware"),
     ("firmware", "bus.servo", "families.lewansoul.control"),
+    ("firmware", "cli.step", "families.dynamixel.motors"),
     ("virtual", "families.dynamixel.verbs", "virtual.device.servo"),
     ("virtual", "families.herkulex.protocol", "virtual.physics.motor"),
     ("virtual", "families.base", "virtual.device.servo"),
@@ -133,6 +138,7 @@ VIOLATIONS = [
 ALLOWED = [
     ("families.dynamixel.firmware", "virtual.device.memory"),
     ("families.dynamixel.control", "virtual.physics.motor"),
+    ("families.dynamixel.motors", "virtual.physics.motor"),
     ("virtual.serve.rig", "families.dynamixel.firmware"),
     ("virtual.device.servo", "families.base"),
     ("families.record", "~time"),

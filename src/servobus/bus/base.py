@@ -24,7 +24,16 @@ from servobus.families.base import Answers, Family, KnownServo, Model
 from servobus.families.record import SafeAction
 from servobus.jobs.look import verify
 from servobus.jobs.move import PlannedMove, plan, require_torque, start_move, wait_arrival
-from servobus.jobs.scan import FoundServo, ScanResult, Watcher, find, scan
+from servobus.jobs.scan import (
+    FoundServo,
+    Models,
+    ScanResult,
+    Watcher,
+    check_models,
+    find,
+    model_told,
+    scan,
+)
 from servobus.link.link import Link
 from servobus.link.ownership import LineOwnership, Priority, Turn, turn_for
 from servobus.link.pipeline import PipelinedLink
@@ -83,9 +92,9 @@ class ReconnectReport(ByServo[S, Presence]):
 class BaseBus(Closed, Generic[S]):
     """A port, and the servos known on it.
 
-    `bauds` are the speeds to look for servos at, if not the factory speed of each family. `echo` says
+    `bauds` are the speeds to look for servos at, if not the factory speeds of the models. `echo` says
     whether the adapter gives back what it sends; None finds out. `safe_action` is that of all servos, "hold" if it
-    is None; see `Servo.safe_action`.
+    is None; see `Servo.safe_action`. `models` says what servos are that cannot say it themselves; see `open`.
     """
 
     def __init__(
@@ -95,7 +104,10 @@ class BaseBus(Closed, Generic[S]):
         bauds: tuple[int, ...] | None = None,
         echo: bool | None = None,
         safe_action: SafeAction | None = None,
+        models: Models | None = None,
     ) -> None:
+        self.models = check_models(models)
+        """What servos are that cannot say it themselves: a model, or id -> model."""
         self.transport = transport
         self._port = self._shared(transport)
         """What the link talks through."""
@@ -186,7 +198,7 @@ class BaseBus(Closed, Generic[S]):
         """Name a servo that is there, without asking it anything.
 
         The known servo of this family and id is given back, with all that was noted of it; with another `baud` a second
-        servo is made, for one port may carry both. One that is not known yet is assumed at `baud`, or at the factory
+        servo is made, for one port may carry both. One that is not known yet is assumed at `baud`, or at its factory
         speed. `answers` defaults to the model's factory setting. From now on it is of this model, whatever a scan takes
         it for. Raises BadValue for an id that no single servo can have, UnknownName if two servos could be meant.
         """
@@ -214,36 +226,48 @@ class BaseBus(Closed, Generic[S]):
     ) -> Procedure[list[S]]:
         """Look for servos, and look at each that is found. Moves nothing, changes nothing.
 
-        `bauds` None means the factory speed of each family. `watch` is called with a `ScanProgress` after each
-        id. What answered without making sense is in `survey.troubles` afterwards. If it is broken off, by Ctrl-C
+        `bauds` None means the factory speeds of all models. `watch` is called with a `ScanProgress` after each
+        id. What answered without making sense is in `survey.troubles` afterwards, what says that it is of another model
+        than `attach` gave in `survey.conflicts`. If it is broken off, by Ctrl-C
         or by what `watch` raises, those that were found so far are known. Servos that are known already stay the same
         objects.
         """
         survey = self.survey = ScanResult()
         wanted = (ids,) if isinstance(ids, int) else ids
         try:
-            yield from scan(self._families(family), self._speeds(bauds), wanted, watch, survey)
+            yield from scan(self._families(family), self._speeds(bauds), wanted, watch, survey, self.identify)
         except BaseException:
             for found in survey.found:
                 self.adopt(found)
             raise
-        return (yield from self._servos.adopt_all(survey.found))
+        return (yield from self._servos.adopt_all(survey.found, survey))
 
     @bus_method
     def find(
         self, id: int, *, family: Family | str | None = None, bauds: int | Iterable[int] | None = None
     ) -> Procedure[S]:
         """Look for one servo. Raises NoReply, or BusError if what answers is no model known here."""
-        found = yield from find(self._families(family), self._speeds(bauds), id)
-        (servo,) = yield from self._servos.adopt_all([found])  # find gives known models only
+        found = yield from find(self._families(family), self._speeds(bauds), id, self.identify)
+        (servo,) = yield from self._servos.adopt_all([found], self.survey)  # find gives known models only
         return servo
+
+    def identify(self, family: Family, id: int, baud: int, number: int | None) -> type[Model] | None:
+        """Tell the model of a servo that reports this number, as far as it can be known.
+
+        What the servo says itself comes first, if such a model is known; then what `attach` gave, then `models`. Else
+        one that says nothing is taken for the first model of its family.
+        """
+        said = None if number is None else registry.identified(family, number)
+        attached = self._servos.attached_model(family.name, id, baud)
+        guessed = None if number is not None else registry.first_model(family)
+        return said or attached or model_told(self.models, family, id) or guessed
 
     def adopt(self, found: FoundServo) -> S | None:
         """Know a servo that a scan has found, as it was seen then; None for a model that is not known here.
 
         One that is known at its id and speed already stays the same object. It stays of the model that `attach` gave.
         """
-        return self._servos.adopt(found)
+        return self._servos.adopt(found, self.survey)
 
     # Several at once
 
@@ -458,7 +482,9 @@ class BaseBus(Closed, Generic[S]):
     # What the link asks of us
 
     def _fences(self, framing: Framing, id: int) -> Sequence[Exchange[Any]]:
-        return _FAMILY_OF[framing].fences(id)
+        known = (servo.family for servo in self._servos)
+        families = (family for some in (known, registry.FAMILIES.values()) for family in some)
+        return next(family for family in families if family.framing is framing).fences(id)
 
     def _heard(self, exchange: Exchange[Any], packet: Packet) -> None:
         """Keep the alarms of a reply with the servo that sent it, at the speed in use."""

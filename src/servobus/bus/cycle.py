@@ -242,7 +242,8 @@ class Cycle:
         for part in self._parts.values():
             family, baud = part.servo.family, part.servo.baud
             groups.setdefault((family.name, baud), _Group(family, baud, [])).parts.append(part)
-            longest = math.inf if family.max_move_time is None else family.max_move_time
+            longest = part.target.model.max_move_time
+            longest = math.inf if longest is None else longest
             if not 0 <= self.time <= longest or self.time == math.inf:
                 raise BadValue(f"{part.target}: a move cannot take {self.time} s")
         self._groups = list(groups.values())

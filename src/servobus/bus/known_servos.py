@@ -15,7 +15,7 @@ from servobus.core.values import replace
 from servobus.errors import NoReply, UsageError
 from servobus.families.base import Answers, KnownServo, Model, ServoRef, policy_register
 from servobus.families.record import ServoRecord
-from servobus.jobs.scan import FoundServo
+from servobus.jobs.scan import FoundServo, ModelConflict, ScanResult
 
 S = TypeVar("S", bound=Servo)
 
@@ -61,7 +61,7 @@ class KnownServos(Generic[S]):
             answers = Answers.READS if policy is None or policy.default is None else Answers(policy.default)
         if old is not None:
             baud = old.baud
-        servo = self._know(ServoRef(id, model, answers), baud or model.family.default_baud, firmware, old)
+        servo = self._know(ServoRef(id, model, answers), baud or model.factory_baud, firmware, old)
         self._named.add(servo)
         if baud is None:
             self._speed_assumed.add(servo)
@@ -76,15 +76,26 @@ class KnownServos(Generic[S]):
         self._drop(servo)
         servo.permit.inhibited = f"{servo.target} was forgotten by its bus; attach() makes another object of it"
 
-    def adopt(self, found: FoundServo) -> S | None:
-        """Know a servo that a scan has found, as it was seen then; None for a model that is not known here."""
+    def attached_model(self, family: str, id: int, baud: int) -> type[Model] | None:
+        """Give the model that `attach` gave a servo that is there, or that may be but for its assumed speed."""
+        named = [servo for servo in self._named if _place(servo) == (family, id, baud)]
+        assumed = [servo for servo in self._speed_assumed if _place(servo)[:2] == (family, id)]
+        return next((servo.model for servo in named + assumed), None)
+
+    def adopt(self, found: FoundServo, survey: ScanResult) -> S | None:
+        """Know a servo that a scan has found, as it was seen then; None for a model that is not known here.
+
+        What contradicts the model that `attach` gave is put into the survey.
+        """
         if found.model is None:
             return None
         identity = found.identity
         servo = next((servo for servo in self._servos if _place(servo) == _found_at(found)), None)
         if servo is None:
             servo = self._know(ServoRef(found.id, found.model, identity.answers), found.baud)
-        elif servo.model is not found.model and servo not in self._named:
+        if servo.model is not found.model and servo in self._named:
+            survey.conflicts.append(ModelConflict(servo.target, found))
+        elif servo.model is not found.model:
             # Another one is in its place now, and says so: what was written to the old one tells nothing of it.
             servo.target = replace(servo.target, model=found.model, record=ServoRecord())
         servo.target = replace(servo.target, answers=identity.answers)
@@ -94,7 +105,7 @@ class KnownServos(Generic[S]):
         servo.note_alarms(found.alarms)
         return servo
 
-    def adopt_all(self, all_found: Sequence[FoundServo]) -> Procedure[list[S]]:
+    def adopt_all(self, all_found: Sequence[FoundServo], survey: ScanResult) -> Procedure[list[S]]:
         """Know all that a scan has found.
 
         A servo whose speed was assumed by `attach`, and that does not answer there, is taken to be the one that was
@@ -113,7 +124,8 @@ class KnownServos(Generic[S]):
                 self._speed_assumed.discard(servo)
         if all_found:
             yield SetBaud(all_found[-1].baud)
-        return [servo for servo in map(self.adopt, all_found) if servo is not None]
+        adopted = [self.adopt(found, survey) for found in all_found]
+        return [servo for servo in adopted if servo is not None]
 
     def _assumed_elsewhere(self, found: FoundServo) -> list[S]:
         """Give those that may be the one that was found, but for a speed that was only assumed."""

@@ -392,9 +392,7 @@ class Servo(Closed):
         if not isinstance(given, Register):
             example = f"{self.model.__name__}.present_position"
             raise UsageError(f"{register!r} is no register: give one such as {example}, or its name")
-        if self.model.registers.get(register.name) is not register:
-            raise UsageError(f"{register.model} {register.name} is not a register of {self.model.title}")
-        return register
+        return self.model.own(register)
 
     def _rows(self, values: Mapping[Any, V]) -> dict[Register[Any], V]:
         """Give values by register. Raises UsageError for one that is given twice, by its name and by an alias."""
@@ -408,9 +406,9 @@ class Servo(Closed):
 
     def _no_identity(self, registers: Iterable[Register[Any]]) -> None:
         """Refuse what would lose the servo. Raises UsageError."""
-        verbs = {"id": "change_id", self.model.aliases.get("baud", "baud"): "change_baud"}
+        verbs = {self.model.register("id"): "change_id", self.model.optional("baud"): "change_baud"}
         for register in registers:
-            if verb := verbs.get(register.name):
+            if verb := verbs.get(register):
                 raise UsageError(
                     f"{self.target}: a write of {register.name} would lose the servo; use {verb}(), "
                     "which makes sure that it is found again"

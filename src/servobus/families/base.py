@@ -11,10 +11,33 @@ from typing import Any, ClassVar, TypeVar
 
 from servobus.core.exchange import Exchange, Procedure, Reply
 from servobus.core.framing import Framing, Packet
-from servobus.core.registers import Area, EepRam, Int, Register, RegisterMap
+from servobus.core.registers import Area, Int, Register
 from servobus.core.values import frozen
 from servobus.errors import BadValue, BusError, UsageError
+from servobus.families.model import Model, Performance, SpecSheet
 from servobus.families.record import MotionPermit, ServoRecord
+
+__all__ = [
+    "Answers",
+    "AxisMove",
+    "Family",
+    "Identity",
+    "KnownServo",
+    "Model",
+    "MotionStatus",
+    "Performance",
+    "Question",
+    "Reading",
+    "ServoRef",
+    "SpecSheet",
+    "adjacent",
+    "blocks",
+    "cannot",
+    "check_output",
+    "fetch",
+    "policy_register",
+    "within",
+]
 
 T = TypeVar("T")
 
@@ -25,61 +48,6 @@ class Answers(IntEnum):
     NOTHING = 0
     READS = 1
     EVERYTHING = 2
-
-
-@frozen
-class Performance:
-    """One line of a data sheet: what the servo reaches at this voltage."""
-
-    voltage: float
-    """V"""
-    stall_torque: float
-    """N·m"""
-    speed: float
-    """rad/s without load"""
-
-
-@frozen
-class SpecSheet:
-    """The maker's specification of a model, in SI units. None where the manual does not say."""
-
-    maker: str
-    performance: tuple[Performance, ...]
-    voltage: tuple[float, float]
-    """Supply, V: lowest and highest."""
-    angle: float
-    """Range in position mode, rad."""
-    resolution: float
-    """rad per position unit"""
-    nominal_voltage: float | None = None
-    temperature: tuple[float, float] | None = None
-    """Working range, °C."""
-    weight: float | None = None
-    """kg"""
-    size: tuple[float, float, float] | None = None
-    """m: width, depth and height"""
-    gear_ratio: float | None = None
-    gear: str = ""
-    motor: str = ""
-    standby_current: float | None = None
-    """A"""
-    max_current: float | None = None
-    """A"""
-    link: str = ""
-
-
-class Model(RegisterMap):
-    """A register table with a name on the case: what `models/` is full of."""
-
-    family: ClassVar["Family"]
-    number: ClassVar[int | None]
-    """What the servo says when asked for its model; None for families that cannot be asked."""
-    sheet: ClassVar[SpecSheet]
-
-    @classmethod
-    def key(cls) -> str:
-        """Give the name used in commands and files: rx28 for RX-28."""
-        return cls.title.replace("-", "").lower()
 
 
 @frozen
@@ -192,22 +160,14 @@ class Family(ABC):
     name: ClassVar[str]
     title: ClassVar[str]
     framing: ClassVar[Framing]
-    default_baud: ClassVar[int]
-    bauds: ClassVar[tuple[int, ...]]
-    """Speeds that servos of this family can be set to, bit/s, most likely first."""
     full_duplex: ClassVar[bool] = False
-    max_move_time: ClassVar[float | None] = None
-    """Longest time in seconds that one timed move can take; None if moves are given by speed."""
-    volatile: ClassVar[frozenset[str]] = frozenset()
-    """Registers in RAM that the servo changes by itself: they do not tell that it restarted."""
-    motion_registers: ClassVar[frozenset[str]] = frozenset()
-    """Registers that can set a servo in motion, beside torque and goals."""
-    output_limit: ClassVar[str] = ""
-    """Register in RAM that bounds the output; "" if the family has none."""
-    turns_at_speed: ClassVar[bool] = False
-    """Whether it controls the speed of endless turn; else a share of full output is set."""
-    brakes: ClassVar[bool] = False
-    """Whether it can brake: short its motor, so that the shaft turns only slowly."""
+    needs: ClassVar[tuple[str, ...]] = ()
+    """Names of the registers that the verbs of this family rely on, beside those that every model has."""
+    keepable: ClassVar[tuple[str, ...]] = ()
+    """What `reset` can leave alone: some of "id", "baud" and "calibration"."""
+
+    def check_model(self, model: type[Model]) -> None:  # noqa: B027 - most families ask no more of a table
+        """Raise TypeError for a table that the verbs of this family cannot use, when its class is made."""
 
     # Who is there
 
@@ -287,11 +247,7 @@ class Family(ABC):
         if fresh:
             record.check_wear(str(target), fresh)
             yield from self._check_unlocked(target, fresh)
-        in_ram = {
-            register: raw
-            for register, raw in values.items()
-            if register.name not in self.volatile and (register.area is Area.RAM or isinstance(register.place, EepRam))
-        }
+        in_ram = {register: raw for register, raw in values.items() if not register.volatile and register.acts_in_ram}
         record.forget(in_ram)  # until it is known that they arrived
         try:
             for part in _policy_last(target.model, values):
@@ -307,7 +263,7 @@ class Family(ABC):
 
     def _check_step(self, target: KnownServo, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Refuse goals that lie too far from where the servo is. Raises BadValue."""
-        goals = [register for register in values if register.name.endswith("goal_position")]
+        goals = [register for register in values if register.motion and register.unit == "rad"]
         if not goals or target.permit.max_step is None:
             return
         row = target.model.register("present_position")
@@ -359,7 +315,7 @@ class Family(ABC):
     def brake(self, target: KnownServo) -> Procedure[None]:
         """Short the motor. Raises UsageError where the family cannot."""
         yield from ()  # a procedure without steps
-        raise cannot(target, "brake", "only HerkuleX servos can (Torque Control); hold or free it")
+        raise cannot(target, "brake", "nothing in it shorts the motor; hold or free it")
 
     @abstractmethod
     def push(self, target: ServoRef) -> Procedure[float]:
@@ -368,9 +324,7 @@ class Family(ABC):
     def sets_going(self, target: ServoRef, values: Mapping[Register[Any], int]) -> bool:
         """Tell whether writing these raw values can set the servo in motion, or switches it on."""
         torque = target.model.register("torque_enable")
-        return (torque in values and self.torque_on(values[torque])) or any(
-            register.name.endswith("goal_position") or register.name in self.motion_registers for register in values
-        )
+        return (torque in values and self.torque_on(values[torque])) or any(register.motion for register in values)
 
     @abstractmethod
     def read_alarms(self, target: ServoRef) -> Procedure[int]:
@@ -454,7 +408,7 @@ def check_output(output: float) -> float:
 
 def policy_register(model: type[Model]) -> Register[Any] | None:
     """Give the register that says which requests a servo answers; None for a model that has none."""
-    return model.registers.get(model.aliases.get("answer_level", "answer_level"))
+    return model.optional("answer_level")
 
 
 def cannot(target: ServoRef, what: str, why: str) -> UsageError:

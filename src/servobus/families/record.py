@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal, TypeAlias
 
-from servobus.core.registers import EepRam, Register
+from servobus.core.registers import Register
 from servobus.errors import BadValue, EepromWear, Stopped
 
 MOST = 10
@@ -56,7 +56,7 @@ class ServoRecord:
             wait = math.ceil(WINDOW - (now - written[-self.most]))
             instead = (
                 "write() sets it in RAM, which does not wear out"
-                if isinstance(register.place, EepRam)
+                if register.place.has_working_copy
                 else "use a register in RAM if one does the same"
             )
             raise EepromWear(

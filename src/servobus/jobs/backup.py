@@ -82,9 +82,9 @@ def _settings(model: type[Model]) -> list[Register[Any]]:
     return [row for row in model.registers.values() if row.area is Area.EEPROM and row.writable]
 
 
-def _identity_names(model: type[Model]) -> set[str]:
+def identity_names(model: type[Model]) -> set[str]:
     """Name the registers that say who a servo is rather than how it behaves."""
-    return {"id", model.aliases.get("baud", "baud")}
+    return {row.name for row in (model.register("id"), model.optional("baud")) if row is not None}
 
 
 def backup(target: ServoRef, firmware: str, baud: int) -> Procedure[Backup]:
@@ -109,7 +109,7 @@ def restore(target: KnownServo, saved: Backup) -> Procedure[list[str]]:
         raise UsageError(
             f"the backup belongs to model {saved.model.title}, {target} is another model; nothing was written"
         )
-    skip = _identity_names(target.model)
+    skip = identity_names(target.model)
     rows = [row for row in _settings(target.model) if row.name in saved.values and row.name not in skip]
     present = yield from target.model.family.read_stored(target, rows)
     changes = {

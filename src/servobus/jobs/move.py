@@ -68,10 +68,11 @@ def plan(
     if time is None:
         time = max(max(distances.values()) / (speed or DEFAULT_SPEED), SHORTEST)
     time /= min(target.permit.speed_factor for target in goals)
-    for family in {target.model.family.name: target.model.family for target in goals}.values():
-        if family.max_move_time is not None and time > family.max_move_time:
+    for target in goals:
+        longest = target.model.max_move_time
+        if longest is not None and time > longest:
             raise BadValue(
-                f"a {family.title} move takes {show(family.max_move_time, 's')} at most, "
+                f"a {target.model.family.title} move takes {show(longest, 's')} at most, "
                 f"this one would take {show(time, 's')}: go in steps, or faster"
             )
     axes = tuple(AxisMove(target, goal, distances[target], time) for target, goal in raw.items())

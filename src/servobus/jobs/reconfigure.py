@@ -67,7 +67,8 @@ def reset(target: KnownServo, keep: frozenset[str]) -> Procedure[End]:
     family = target.model.family
     factory = target.model.register("id").default
     id = target.id if "id" in keep or factory is None else factory
-    old, new = End(check_id(target.id), target.baud), End(id, target.baud if "baud" in keep else family.default_baud)
+    old = End(check_id(target.id), target.baud)
+    new = End(id, target.baud if "baud" in keep else target.model.factory_baud)
     if new != old and (yield from _taken(family, new, old)):
         raise UsageError(
             f"{target} would get {new}, and another servo answers to that already: "
@@ -99,11 +100,11 @@ def reset(target: KnownServo, keep: frozenset[str]) -> Procedure[End]:
 
 def _resettable(model: type[Model]) -> list[Register[int]]:
     """List the settings whose factory value is known and that nobody asks to keep."""
-    kept = {"id", model.aliases.get("baud", "baud"), "calibration_difference"}
+    kept = (model.register("id"), model.optional("baud"), model.optional("calibration"))
     return [
         row
         for row in model.registers.values()
-        if row.area is Area.EEPROM and row.writable and row.default is not None and row.name not in kept
+        if row.area is Area.EEPROM and row.writable and row.default is not None and row not in kept
     ]
 
 

@@ -139,11 +139,10 @@ class OverloadMonitor:
             yield from make_safe(target, permit.safe_action or "hold")
 
     def _weaken(self, target: KnownServo) -> Procedure[None]:
-        name = target.model.family.output_limit
-        if not name:
+        row = target.model.optional("output_limit")
+        if row is None:
             target.permit.speed_factor = 0.5
             return
-        row = target.model.register(name)
         (limit,) = yield from target.model.family.read(target, [row])
         least = 1 if self.output_limit is None else self.output_limit // 2
         if limit > least:  # after a restart it has all again
@@ -152,8 +151,8 @@ class OverloadMonitor:
 
     def _strengthen(self, target: KnownServo) -> Procedure[None]:
         target.permit.speed_factor = 1.0
-        if self.output_limit is not None:
-            row = target.model.register(target.model.family.output_limit)
+        row = target.model.optional("output_limit")
+        if self.output_limit is not None and row is not None:
             (limit,) = yield from target.model.family.read(target, [row])
             # an RX-28 that has shut down has none, and would jump if it got some
             if limit == self.output_limit // 2:

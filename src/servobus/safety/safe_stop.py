@@ -49,8 +49,8 @@ def check_safe_action(action: SafeAction, targets: Iterable[ServoRef]) -> SafeAc
     if action not in ACTIONS:
         raise UsageError(f"{action!r} is no safe action; choose {', '.join(ACTIONS)}")
     for target in targets:
-        if action == "brake" and not target.model.family.brakes:
-            raise UsageError(f"{target} cannot brake, only HerkuleX servos can; let its safe_action be hold or free")
+        if action == "brake" and not target.model.brakes:
+            raise UsageError(f"{target} cannot brake; let its safe_action be hold or free")
     return action
 
 

@@ -5,7 +5,7 @@ import pytest
 from serial.tools import list_ports
 
 from servobus import MODELS
-from servobus.core.registers import Address
+from servobus.families.dynamixel.places import Address
 from unit.cli.conftest import Run
 
 
@@ -53,8 +53,8 @@ def test_registers_as_json(load: Callable[..., Any], model: str) -> None:
 
 def test_where_registers_live(load: Callable[..., Any]) -> None:
     (goal,) = load("registers", "rx28", "goal_position")
-    assert goal["address"] == MODELS["rx28"].register("goal_position").place.address == 30  # type: ignore[union-attr]
-    assert isinstance(MODELS["rx28"].register("goal_position").place, Address)
+    assert MODELS["rx28"].register("goal_position").place == Address(30)
+    assert goal["address"] == 30
     assert (goal["limits"], goal["unit"], goal["access"], goal["raw"]["limits"]) == ([0.0, 300.0], "°", "rw", [0, 1023])
     (id, torque) = load("registers", "drs0602", "id", "torque_control")
     assert (id["address"], torque["address"]) == ({"eep": 6, "ram": 0}, {"ram": 52})

@@ -11,13 +11,14 @@ from servobus.doctor import Finding, Level, Plan, examine
 from servobus.doctor.losses import count
 from servobus.doctor.port import opened, system
 from servobus.errors import PortLost
+from servobus.families import registry
 from servobus.transports import usb_adapter as facts
 from servobus.transports.usb_adapter import Adapter
 from servobus.virtual.serve import inprocess
 from servobus.virtual.serve.inprocess import VirtualPort
 from unit.scripted import Scripted
 
-FACTORY = [(family, (family.default_baud,)) for family in FAMILIES.values()]
+FACTORY = [(family, registry.factory_bauds(family)) for family in FAMILIES.values()]
 
 
 def told(findings: Iterator[Finding] | list[Finding]) -> dict[str, Finding]:
@@ -339,7 +340,10 @@ def test_only_asks(monkeypatch: pytest.MonkeyPatch, spec: str, where: int, harml
     monkeypatch.setattr(VirtualPort, "write", record)
     family = connect.open(f"virtual:{spec}?clock=virtual").find(1).family
     sent.clear()
-    visit(f"{spec}?clock=virtual&voltage=9&temperature=70", plan=Plan([(family, (family.default_baud,))], ids=range(3)))
+    visit(
+        f"{spec}?clock=virtual&voltage=9&temperature=70",
+        plan=Plan([(family, registry.factory_bauds(family))], ids=range(3)),
+    )
     assert len(sent) > 1000
     assert {request[where] for request in sent} <= harmless
 

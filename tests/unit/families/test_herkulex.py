@@ -436,7 +436,7 @@ def test_playtime_is_rounded_up(duration: float, playtime: int) -> None:
 
 
 def test_a_move_can_take_too_long() -> None:
-    assert FAMILY.max_move_time == pytest.approx(2.8448)
+    assert DRS0602.max_move_time == pytest.approx(2.8448)
     with pytest.raises(BadValue, match=r"2.845 s is longer than 2.8448 s"):
         launched([axis(7, 16384, 2.845)])
 
@@ -606,6 +606,6 @@ def test_explain(packet: Packet, words: str) -> None:
 
 
 def test_speeds() -> None:
-    assert FAMILY.bauds[0] == FAMILY.default_baud == 115_200
-    assert len(FAMILY.bauds) == 8
+    assert DRS0602.bauds[0] == DRS0602.factory_baud == 115_200
+    assert len(DRS0602.bauds) == 8
     assert FAMILY.full_duplex

@@ -7,10 +7,11 @@ import pytest
 
 from servobus.core.exchange import Collector, Exchange, Job, Pause
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Corrupt, Noise, Packet
-from servobus.core.registers import Pair, Register
+from servobus.core.registers import Register
 from servobus.errors import BadValue, NoReply, UsageError
 from servobus.families.base import Answers, AxisMove, KnownServo, ServoRef
 from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import (
     FRAMING,
     Answer,
@@ -332,7 +333,7 @@ def test_one_leg_starts_at_once_and_several_start_together() -> None:
 
 
 def test_a_move_longer_than_30_s_is_refused_before_anything_is_sent() -> None:
-    assert FAMILY.max_move_time == 30.0
+    assert LX16A.max_move_time == 30.0
     servo = Pretender()
     with pytest.raises(BadValue, match="30 s"):
         servo.run_blocking(FAMILY.start_moves([AxisMove(TARGET, 0, 1.0, 1.0), AxisMove(TARGET, 0, 1.0, 30.001)]))

@@ -40,7 +40,7 @@ def lose_each(make: Callable[[], Bench], job: Job, check: Callable[[Bench], None
 @pytest.mark.parametrize(("key", "answers"), KINDS)
 def test_an_id_changes_whatever_single_packet_is_lost(key: str, answers: Answers, driver: str) -> None:
     def check(bench: Bench) -> None:
-        assert bench.at() == bench.really_at() == (7, bench.real.model.family.default_baud)
+        assert bench.at() == bench.really_at() == (7, bench.real.model.factory_baud)
         assert bench.stored("id") == 7
         assert bench.servo.target.answers is answers
 

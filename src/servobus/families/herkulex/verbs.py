@@ -5,12 +5,12 @@ A JOG, the command that moves, sets the lights as well: without colours in it th
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
 from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ack_only
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
-from servobus.core.registers import Area, Eep, EepRam, Ram, Register
+from servobus.core.registers import Area, Location, Register
 from servobus.core.units import show
 from servobus.errors import BadValue, BusError, NoReply, Refused
 from servobus.families.base import (
@@ -32,14 +32,13 @@ from servobus.families.base import (
 )
 from servobus.families.explain import addressed
 from servobus.families.herkulex.explain import say_ack, say_request
+from servobus.families.herkulex.places import EEP, RAM
 from servobus.families.herkulex.protocol import (
     ACK,
     ACK_POLICY,
-    BAUD,
     BOOT_TIME,
     EEP_TIME,
     FRAMING,
-    JOG_SPEED,
     LONGEST_PLAYTIME,
     MAX_DATA,
     MOST_I_JOG,
@@ -87,15 +86,12 @@ class Herkulex(Family):
     name = "herkulex"
     title = "HerkuleX"
     framing = FRAMING
-    default_baud = 115_200
-    bauds = tuple(BAUD.codes.values())
     full_duplex = True
-    output_limit = "max_pwm"
-    brakes = True
-    turns_at_speed = True
-    max_move_time = LONGEST_PLAYTIME * TICK
-    # Torque Control is among what tells a restart; the light is not, for a JOG sets it. The id is no setting.
-    volatile = frozenset({"id", "status_error", "status_detail", "aux_1", "led_control"})
+    keepable = tuple(_KEEPS)
+    needs = (
+        "ack_policy", "baud_rate", "current_control_mode", "led_control", "max_pwm", "pwm", "status_detail",
+        "status_error", "torque_control", "torque_policy",
+    )  # fmt: skip
 
     def ping(self, id: int) -> Exchange[None]:
         """STAT: the one request that is always answered."""
@@ -118,11 +114,11 @@ class Herkulex(Family):
 
     def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         """Read from RAM what RAM has, the rest from EEP."""
-        return _reading(target, registers, [_acting(row) for row in registers])
+        return _reading(target, registers, [row.place.locations[0] for row in registers])
 
     def read_stored(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
         """Read from EEP what EEP has, the rest from RAM."""
-        return fetch(_reading(target, registers, [_kept(row) or _acting(row) for row in registers]))
+        return fetch(_reading(target, registers, [row.place.locations[-1] for row in registers]))
 
     def put(
         self, target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
@@ -134,16 +130,16 @@ class Herkulex(Family):
         """
         parts = []
         for row, raw in values.items():
-            spots = {_acting(row), _kept(row) or _acting(row)} if keep else {_acting(row)}
-            parts += [(spot, row.layout.pack(raw)) for spot in spots if spot[0] is Area.RAM or row not in same]
+            spots = row.place.locations if keep else row.place.locations[:1]
+            parts += [(spot, row.layout.pack(raw)) for spot in spots if spot[0] == RAM or row not in same]
         yield from _send(target, parts)
 
     def wears(self, register: Register[Any], *, keep: bool) -> bool:
         """EEP is written by `store`, and by `write` where RAM does not have the register."""
-        return isinstance(register.place, Eep | EepRam if keep else Eep)
+        return register.area is Area.EEPROM and (keep or not register.place.has_working_copy)
 
     def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
-        names = ("calibrated_position", "torque_control", "min_position", "max_position", "current_control_mode")
+        names = ("present_position", "torque_control", "min_position", "max_position", "current_control_mode")
         rows = [target.model.register(name) for name in names]
         position, torque, low, high, mode = yield from self.read(target, rows)
         on = torque == TorqueControl.ON
@@ -223,7 +219,9 @@ class Herkulex(Family):
         if (yield from self.motion_status(target)).torque:
             yield from self._clear(target)
             return
-        names = ("torque_policy", "voltage", "min_voltage", "max_voltage", "temperature", "max_temperature")
+        names = (
+            "torque_policy", "present_voltage", "min_voltage", "max_voltage", "present_temperature", "max_temperature"
+        )  # fmt: skip
         policy, volts, low, high, celsius, hottest = yield from self.read(
             target, [model.register(name) for name in names]
         )
@@ -258,10 +256,11 @@ class Herkulex(Family):
         """Infinite turn, with controlled speed. Asked for more than it reaches, it obeys late (6-5)."""
         if speed is None or output is not None:
             raise cannot(target, "turn at a share of full output", "it controls its speed; give speed in rad/s")
-        fastest = JOG_SPEED.decode(SPEED_LAYOUT.range[1])
+        scale = target.model.turn_scale
+        fastest = scale.decode(SPEED_LAYOUT.range[1])
         if not abs(speed) <= fastest:  # so that NaN is refused too
             raise BadValue(f"{target}: speed {show(speed, 'rad/s')} is beyond {show(fastest, 'rad/s')}")
-        raw = JOG_SPEED.encode(speed)
+        raw = scale.encode(speed)
         yield from _jog(target, Jog(target.id, raw, ControlMode.INFINITE_TURN, playtime=_TURN_PLAYTIME))
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
@@ -332,9 +331,7 @@ class Herkulex(Family):
 
     def _keep(self, target: KnownServo, row: Register[Any], raw: int) -> Procedure[None]:
         """Write one register to EEP and nowhere else, until it is there. Raises BusError if it does not get there."""
-        spot = _kept(row)
-        assert spot is not None
-        part = spot, row.layout.pack(raw)
+        part = row.place.locations[-1], row.layout.pack(raw)
         if target.answers is Answers.NOTHING:  # then nothing can be made sure of
             yield from _send(target, [part])
             return
@@ -380,40 +377,24 @@ class Herkulex(Family):
         return Question(Reply(packet.id, code, (2,)), certain=False)
 
 
-_Spot: TypeAlias = tuple[Area, int]
-"""An address in one of the two maps."""
+HERKULEX = Herkulex()
+"""The one instance, which all models share."""
 
 
-def _acting(register: Register[Any]) -> _Spot:
-    """Tell where a register acts: in RAM if RAM has it, else in EEP."""
-    match register.place:
-        case Ram(address) | EepRam(ram=address):
-            return Area.RAM, address
-        case Eep(address):
-            return Area.EEPROM, address
-    raise TypeError(f"{register} has no HerkuleX place")
-
-
-def _kept(register: Register[Any]) -> _Spot | None:
-    """Tell where a register survives power-off, if it does."""
-    place = register.place
-    return (Area.EEPROM, place.eep) if isinstance(place, Eep | EepRam) else None
-
-
-def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequence[_Spot]) -> Reading:
+def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequence[Location]) -> Reading:
     """Tell what to ask for registers that stand at the spots given."""
     if target.answers is Answers.NOTHING:
         raise cannot(target, "be read", "its ACK Policy is 0; write ack_policy first")
     wanted = list(zip(registers, spots, strict=True))
     exchanges: list[Exchange[bytes]] = []
-    found: dict[_Spot, tuple[int, int]] = {}
-    for area, read in ((Area.RAM, ram_read), (Area.EEPROM, eep_read)):
-        inside = [(address, row.layout.size) for row, (home, address) in wanted if home is area]
+    found: dict[Location, tuple[int, int]] = {}
+    for space, read in ((RAM, ram_read), (EEP, eep_read)):
+        inside = [(address, row.layout.size) for row, (home, address) in wanted if home == space]
         # A second exchange costs 20 bytes, request and frame of the ACK: rather bridge a gap of that size.
         spans = blocks(inside, gap=20, longest=MAX_DATA - 4)
         for address, _ in inside:
             n, at = within(spans, address)
-            found[area, address] = len(exchanges) + n, at
+            found[space, address] = len(exchanges) + n, at
         exchanges += [read(target.id, *span) for span in spans]
     places = []
     for row, spot in wanted:
@@ -422,17 +403,17 @@ def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequen
     return Reading(tuple(exchanges), tuple(places))
 
 
-def _send(target: ServoRef, parts: Iterable[tuple[_Spot, bytes]]) -> Procedure[None]:
+def _send(target: ServoRef, parts: Iterable[tuple[Location, bytes]]) -> Procedure[None]:
     """Write to EEP, then to RAM from the top down.
 
     So ID and ACK Policy, RAM 0 and 1, come last: what followed them would have to go by the new ones.
     """
-    maps: dict[Area, dict[int, bytes]] = {Area.EEPROM: {}, Area.RAM: {}}
-    for (area, address), data in parts:
-        maps[area][address] = data
-    for address, data in adjacent(maps[Area.EEPROM]):
+    maps: dict[str, dict[int, bytes]] = {EEP: {}, RAM: {}}
+    for (space, address), data in parts:
+        maps[space][address] = data
+    for address, data in adjacent(maps[EEP]):
         yield from eep_write(target.id, address, data, answered=_answers(target))
-    for address, data in reversed(adjacent(maps[Area.RAM])):
+    for address, data in reversed(adjacent(maps[RAM])):
         new_policy = address <= ACK_POLICY < address + len(data)
         yield from ram_write(target.id, address, data, answered=_answers(target) and not new_policy)
         if new_policy:
@@ -458,7 +439,7 @@ def _playtime(axis: AxisMove) -> int:
 
 
 def _raw_position(target: ServoRef, motion_status: MotionStatus) -> int:
-    return target.model.register("calibrated_position").scale.encode(motion_status.position)
+    return target.model.register("present_position").scale.encode(motion_status.position)
 
 
 def _nearest(target: ServoRef, motion_status: MotionStatus) -> int:

@@ -6,8 +6,8 @@ from typing import Any
 from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ack_only
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
-from servobus.core.registers import Area, Pair, Register
-from servobus.core.units import Flags
+from servobus.core.registers import Area, Register
+from servobus.core.units import Flags, deg
 from servobus.errors import BadValue, BusError, Refused
 from servobus.families.base import (
     Answers,
@@ -24,10 +24,9 @@ from servobus.families.base import (
     check_output,
 )
 from servobus.families.explain import addressed, show_value
+from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import (
-    BAUD,
     FRAMING,
-    FULL_OUTPUT,
     Alarm,
     Answer,
     Command,
@@ -51,8 +50,8 @@ from servobus.families.lewansoul.protocol import (
 WATCH = 0.05
 """s between the two looks that tell whether a servo moves."""
 
-FAR = 20
-"""Units (4.8°) from its goal from which on a servo that stands still is taken to be blocked; assumption."""
+FAR = 4.9 * deg
+"""Way from its goal from which on a servo that stands still is taken to be blocked; assumption."""
 
 _LIMITS = (Command.SERVO_ANGLE_LIMIT_WRITE, Command.SERVO_VIN_LIMIT_WRITE)
 """The lower value must be below the upper (points 12, 14); else the servo ignores both in silence (L-47)."""
@@ -62,13 +61,7 @@ class Lewansoul(Family):
     name = "lewansoul"
     title = "LewanSoul bus servo protocol"
     framing = FRAMING
-    default_baud = BAUD
-    bauds = (BAUD,)
-    max_move_time = 30.0
-    motion_registers = frozenset({"mode", "motor_speed"})
-    volatile = frozenset(
-        {"goal_position", "goal_time", "wait_goal_position", "wait_goal_time", "mode", "motor_speed"}
-    )  # a move and a mode are given by other ways too
+    needs = ("goal_time", "led", "mode", "motor_speed")
 
     def ping(self, id: int) -> Exchange[None]:
         return question(check_id(id), Command.SERVO_ID_READ, ack_only)
@@ -151,7 +144,8 @@ class Lewansoul(Family):
         names = ("torque_enable", "mode", "goal_position", "present_position")
         rows = [target.model.register(name) for name in names]
         torque, mode, goal, here = yield from self.read(target, rows)
-        return float(torque and mode == Mode.POSITION and abs(goal - here) > FAR)
+        way = abs(rows[2].decode(goal) - rows[3].decode(here))
+        return float(torque and mode == Mode.POSITION and way > FAR)
 
     def read_alarms(self, target: ServoRef) -> Procedure[Alarm]:
         """Compare temperature and supply with their limits: no packet tells the alarms, and none a locked rotor."""
@@ -192,7 +186,7 @@ class Lewansoul(Family):
         """Motor mode: the "speed" of the manual is a duty, nothing measures how fast it turns."""
         if output is None or speed is not None:
             raise cannot(target, "turn at a given speed", "motor mode has no speed control; give output=-1..1")
-        duty = round(check_output(output) * FULL_OUTPUT)
+        duty = target.model.register("motor_speed").encode(check_output(output))
         yield from mode_write(target.id, Mode.MOTOR, duty)
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
@@ -223,7 +217,7 @@ class Lewansoul(Family):
 
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         yield from ()  # a procedure without steps
-        raise cannot(target, f"talk at {baud} baud", f"its speed is fixed at {BAUD} (manual 2)")
+        raise cannot(target, f"talk at {baud} baud", f"its speed is fixed at {target.model.factory_baud} (manual 2)")
 
     def explain(
         self,
@@ -275,6 +269,10 @@ class Lewansoul(Family):
             return bytearray(length_of(command.params))
         old = yield from _parameters(target.id, _pair(next(iter(group))).read)
         return bytearray(old)
+
+
+LEWANSOUL = Lewansoul()
+"""The one instance, which all models share."""
 
 
 def _pair(register: Register[Any]) -> Pair:
