@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 
 from servobus.bus.by_servo import ByServo, name, pick
 from servobus.bus.servo import Servo
+from servobus.core.closed import Closed
 from servobus.core.exchange import Batch, Exchange, Procedure, SetBaud
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import LAST_ID, check_id
@@ -89,7 +90,7 @@ class ReconnectReport(ByServo[S, Presence]):
         return f"ReconnectReport(present={present}, missing={missing}, restarted={restarted})"
 
 
-class BaseBus(Generic[S]):
+class BaseBus(Closed, Generic[S]):
     """A port, and the servos known on it.
 
     `bauds` are the speeds to look for servos at, if not the factory speeds of the models. `echo` says
@@ -124,6 +125,7 @@ class BaseBus(Generic[S]):
         self._speed_assumed: set[S] = set()
         """Those that `attach` was given no speed for, and that no scan has met since."""
         self._monitors: dict[S, OverloadMonitor] = {}
+        self._close()
 
     @property
     def echo(self) -> bool | None:
@@ -456,6 +458,12 @@ class BaseBus(Generic[S]):
         return ByServo(levels)
 
     # Helpers
+
+    def _no_attribute(self, name: str) -> str:
+        return (
+            f"{type(self).__name__} has no attribute {name!r} that can be set; to write a register: "
+            "bus[id].write(RX28.goal_position, ...)"
+        )
 
     def _goals(self, goals: Mapping[Any, float]) -> dict[KnownServo, float]:
         """Give goals by servo. Raises UnknownName, or UsageError for a servo that is given two goals."""

@@ -1,4 +1,4 @@
-"""Two servos with one id: of two families, or at two speeds. Nothing is lost, and nothing meant for one goes to the other."""
+"""Two servos with one id, of two families or at two speeds: none is lost, none gets what is meant for the other."""
 
 import asyncio
 import math
@@ -276,7 +276,8 @@ def test_by_servo_reads_like_a_dict_of_ids_where_they_are_unique() -> None:
     assert both == {one: 1.5, two: math.pi}
     assert both != {1: 1.5}
     assert (both[1], both[two], both.get(3), both.get(3, 0.0)) == (1.5, math.pi, None, 0.0)
-    assert (1 in both, two in both, 3 in both, twin in both, "1" in both) == (True, True, False, False, False)
+    keys: list[Any] = [1, two, 3, twin, "1"]
+    assert [key in both for key in keys] == [True, True, False, False, False]
     with pytest.raises(UnknownName, match=r"no servo with id 3 is known here \(known: 1, 2\)"):
         both[3]
     with pytest.raises(UnknownName, match="no such servo as <LX-16A id 1 at 115200> is known here"):

@@ -27,7 +27,7 @@ class VirtualSnapshot:
     errors: tuple[str, ...]
 
 
-def glance(servo: VirtualServo) -> VirtualSnapshot:
+def take_snapshot(servo: VirtualServo) -> VirtualSnapshot:
     """Look at a servo. It shows the time up to which it was advanced."""
     shaft = servo.shaft
     return VirtualSnapshot(
