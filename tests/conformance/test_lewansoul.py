@@ -14,7 +14,6 @@ from typing import Any
 
 import pytest
 
-from conformance.missing_lewansoul import MISSING, PARTLY
 from conformance.wire import Wire
 from servobus.core.framing import Packet
 from servobus.core.units import deg
@@ -1318,9 +1317,7 @@ def test_a_resting_servo_costs_next_to_nothing() -> None:
     assert process_time() - started < 2.0  # 500,000 ticks
 
 
-def test_every_behaviour_is_tested_once_or_missing_for_a_reason() -> None:
+def test_every_behaviour_is_tested_once() -> None:
     functions = inspect.getmembers(sys.modules[__name__], inspect.isfunction)
-    tested = [f"L-{match[1]}" for name, _ in functions if (match := re.match(r"test_L_(\d+)_", name))]
-    assert sorted([*tested, *MISSING]) == sorted(f"L-{number}" for number in range(1, 79))
-    assert {*PARTLY} <= {*tested}
-    assert all([*MISSING.values(), *PARTLY.values()])
+    tested = [int(match[1]) for name, _ in functions if (match := re.match(r"test_L_(\d+)_", name))]
+    assert sorted(tested) == list(range(1, 79))

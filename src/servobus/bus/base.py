@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 
 from servobus.bus.by_servo import ByServo, name, pick
 from servobus.bus.servo import Servo
+from servobus.core.closed import Closed
 from servobus.core.exchange import Batch, Exchange, Procedure, SetBaud
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import LAST_ID, check_id
@@ -23,7 +24,17 @@ from servobus.families.base import Answers, Family, KnownServo, Model, ServoRef,
 from servobus.families.record import SafeAction, ServoRecord
 from servobus.jobs.look import verify
 from servobus.jobs.move import PlannedMove, plan, require_torque, start_move, wait_arrival
-from servobus.jobs.scan import FoundServo, ScanResult, Watcher, find, scan
+from servobus.jobs.scan import (
+    FoundServo,
+    ModelConflict,
+    Models,
+    ScanResult,
+    Watcher,
+    check_models,
+    find,
+    model_told,
+    scan,
+)
 from servobus.link.link import Link
 from servobus.link.ownership import LineOwnership, Priority, Turn, turn_for
 from servobus.link.pipeline import PipelinedLink
@@ -79,12 +90,12 @@ class ReconnectReport(ByServo[S, Presence]):
         return f"ReconnectReport(present={present}, missing={missing}, restarted={restarted})"
 
 
-class BaseBus(Generic[S]):
+class BaseBus(Closed, Generic[S]):
     """A port, and the servos known on it.
 
-    `bauds` are the speeds to look for servos at, if not the factory speed of each family. `echo` says
+    `bauds` are the speeds to look for servos at, if not the factory speeds of the models. `echo` says
     whether the adapter gives back what it sends; None finds out. `safe_action` is that of all servos, "hold" if it
-    is None; see `Servo.safe_action`.
+    is None; see `Servo.safe_action`. `models` says what servos are that cannot say it themselves; see `open`.
     """
 
     def __init__(
@@ -94,7 +105,10 @@ class BaseBus(Generic[S]):
         bauds: tuple[int, ...] | None = None,
         echo: bool | None = None,
         safe_action: SafeAction | None = None,
+        models: Models | None = None,
     ) -> None:
+        self.models = check_models(models)
+        """What servos are that cannot say it themselves: a model, or id -> model."""
         self.transport = transport
         self._port = self._shared(transport)
         """What the link talks through."""
@@ -111,6 +125,7 @@ class BaseBus(Generic[S]):
         self._speed_assumed: set[S] = set()
         """Those that `attach` was given no speed for, and that no scan has met since."""
         self._monitors: dict[S, OverloadMonitor] = {}
+        self._close()
 
     @property
     def echo(self) -> bool | None:
@@ -242,15 +257,16 @@ class BaseBus(Generic[S]):
     ) -> Procedure[list[S]]:
         """Look for servos, and look at each that is found. Moves nothing, changes nothing.
 
-        `bauds` None means the factory speed of each family. `watch` is called with a `ScanProgress` after each
-        id. What answered without making sense is in `survey.troubles` afterwards. If it is broken off, by Ctrl-C
+        `bauds` None means the factory speeds of all models. `watch` is called with a `ScanProgress` after each
+        id. What answered without making sense is in `survey.troubles` afterwards, what says that it is of another model
+        than `attach` gave in `survey.conflicts`. If it is broken off, by Ctrl-C
         or by what `watch` raises, those that were found so far are known. Servos that are known already stay the same
         objects.
         """
         survey = self.survey = ScanResult()
         wanted = (ids,) if isinstance(ids, int) else ids
         try:
-            yield from scan(self._families(family), self._speeds(bauds), wanted, watch, survey)
+            yield from scan(self._families(family), self._speeds(bauds), wanted, watch, survey, self.identify)
         except BaseException:
             for found in survey.found:
                 self.adopt(found)
@@ -262,9 +278,22 @@ class BaseBus(Generic[S]):
         self, id: int, *, family: Family | str | None = None, bauds: int | Iterable[int] | None = None
     ) -> Procedure[S]:
         """Look for one servo. Raises NoReply, or BusError if what answers is no model known here."""
-        found = yield from find(self._families(family), self._speeds(bauds), id)
+        found = yield from find(self._families(family), self._speeds(bauds), id, self.identify)
         (servo,) = yield from self._adopted([found])  # find gives known models only
         return servo
+
+    def identify(self, family: Family, id: int, baud: int, number: int | None) -> type[Model] | None:
+        """Tell the model of a servo that reports this number, as far as it can be known.
+
+        What the servo says itself comes first, if such a model is known; then what `attach` gave, then `models`. Else
+        one that says nothing is taken for the first model of its family.
+        """
+        said = None if number is None else registry.identified(family, number)
+        named = (servo for servo in self._named if _place(servo) == (family.name, id, baud))
+        assumed = (servo for servo in self._speed_assumed if _place(servo)[:2] == (family.name, id))
+        attached = next((servo.model for servos in (named, assumed) for servo in servos), None)
+        guessed = None if number is not None else registry.first_model(family)
+        return said or attached or model_told(self.models, family, id) or guessed
 
     def adopt(self, found: FoundServo) -> S | None:
         """Know a servo that a scan has found, as it was seen then; None for a model that is not known here.
@@ -276,7 +305,9 @@ class BaseBus(Generic[S]):
         identity = found.identity
         known = [servo for servo in self if _place(servo) == _found_at(found)]
         servo = known[0] if known else self._know(ServoRef(found.id, found.model, identity.answers), found.baud)
-        if servo.model is not found.model and servo not in self._named:
+        if servo.model is not found.model and servo in self._named:
+            self.survey.conflicts.append(ModelConflict(servo.target, found))
+        elif servo.model is not found.model:
             # Another one is in its place now, and says so: what was written to the old one tells nothing of it.
             servo.target = replace(servo.target, model=found.model, record=ServoRecord())
         servo.target = replace(servo.target, answers=identity.answers)
@@ -427,6 +458,12 @@ class BaseBus(Generic[S]):
         return ByServo(levels)
 
     # Helpers
+
+    def _no_attribute(self, name: str) -> str:
+        return (
+            f"{type(self).__name__} has no attribute {name!r} that can be set; to write a register: "
+            "bus[id].write(RX28.goal_position, ...)"
+        )
 
     def _goals(self, goals: Mapping[Any, float]) -> dict[KnownServo, float]:
         """Give goals by servo. Raises UnknownName, or UsageError for a servo that is given two goals."""

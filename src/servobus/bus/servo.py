@@ -9,6 +9,7 @@ from contextlib import suppress
 from enum import IntFlag
 from typing import Any, TypeVar
 
+from servobus.core.closed import Closed
 from servobus.core.exchange import Exchange, Job, Procedure
 from servobus.core.operation import bus_method
 from servobus.core.registers import Register
@@ -27,7 +28,7 @@ T = TypeVar("T")
 V = TypeVar("V")
 
 
-class Servo:
+class Servo(Closed):
     """One servo on a bus.
 
     `state` is what was last seen of it (None before the first look), `alarms` the alarm bits of its last
@@ -44,6 +45,7 @@ class Servo:
         self._asked: ServoRef | None = None
         self._questions: dict[Register[Any] | str, Exchange[Any]] = {}
         """Questions for single registers, made when first asked, for `_asked`."""
+        self._close()
 
     @property
     def id(self) -> int:
@@ -347,6 +349,19 @@ class Servo:
 
     def __repr__(self) -> str:
         return f"<{self}>"
+
+    def _no_attribute(self, name: str) -> str:
+        """Say what to do instead of setting this attribute: most often a register is meant."""
+        verb = {"id": "change_id(...)", "baud": "change_baud(...)"}.get(name)
+        if verb is not None:
+            return f"{self.target}: {name} is not set like this; use servo.{verb}"
+        row = self.model.registers.get(self.model.aliases.get(name, name))
+        example = f"servo.write({self.model.__name__}.{'goal_position' if row is None else row.name}, ...)"
+        if row is not None:
+            return f"{self.target}: to write a register: {example}; nothing was sent"
+        if hasattr(type(self), name):
+            return f"{self.target}: {name} cannot be set; to write a register: {example}"
+        return f"{self.target} has no attribute {name!r}; to write a register: {example}"
 
     def _meet_again(self, id: int) -> Procedure[None]:
         """Learn by what policy the servo answers now that it may have restarted."""

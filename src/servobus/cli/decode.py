@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from servobus import FAMILIES
-from servobus.cli.options import as_json, verb
+from servobus.cli.options import FamilyOption, as_json, verb
 from servobus.cli.output import note, print_json
 from servobus.cli.packets import print_events, print_summary
 from servobus.core.framing import Corrupt, Packet
@@ -32,7 +32,7 @@ INDENT = " " * 8
     "cat /tmp/capture.bin | servobus decode -",
 )
 @click.argument("source", metavar="HEX...|FILE|-", nargs=-1, required=True)
-@click.option("--family", metavar="FAMILY", help="dynamixel, herkulex or lewansoul; else what fits best.")
+@click.option("--family", cls=FamilyOption, metavar="FAMILY", help="{families}; else what fits best.")
 @click.option("--model", metavar="MODEL", help="Whose registers; else those of the family's first model.")
 @as_json
 def decode(source: tuple[str, ...], family: str | None, model: str | None, json: bool) -> None:

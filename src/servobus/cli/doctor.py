@@ -43,7 +43,7 @@ def doctor(port: str, where: Where, ids: str, reads: int, json: bool) -> None:
         raise BadValue(f"--reads {reads} is not in 0 .. {MOST_READS}")
     if not port.strip():
         raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
-    plan = Plan(where.rounds(), _other_speeds(where), id_list(ids), reads)
+    plan = Plan(list(where.rounds()), _other_speeds(where), id_list(ids), reads, where.model)
     findings = []
     with ExitStack() as stack:
         bar = ProgressBar(stack)
@@ -65,7 +65,7 @@ def _other_speeds(where: Where) -> Rounds:
     if where.baud is not None:
         return ()
     rounds = [
-        (family, place, baud) for family, _ in where.rounds() for place, baud in enumerate(registry.bauds(family))
+        (family, place, baud) for family, _ in where.rounds() for place, baud in enumerate(where.usual_bauds(family))
     ]
     rounds.sort(key=lambda item: item[1])
     return [(family, (baud,)) for family, _, baud in rounds if baud not in registry.factory_bauds(family)]

@@ -39,11 +39,12 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     has, which takes minutes on a real port. That no servo is there is a result too: --json prints [] then.
     """
     wanted = id_list(ids)
-    rounds = where.rounds()
+    rounds = list(where.rounds())
     if isinstance(where.baud, int) and not any(where.baud in registry.bauds(family) for family, _ in rounds):
         names = ", ".join(family.name for family, _ in rounds)
         note(f"{where.baud} baud is no usual speed of {names} servos; asking all the same")
     with open_port(port) as bus, ExitStack() as stack:
+        bus.models = where.model
         total = len(wanted) * sum(len(bauds) for _, bauds in rounds)
         bar = ProgressBar(stack, total)
 
@@ -56,7 +57,7 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
         result = ScanResult()
         try:
             for family, bauds in rounds:
-                bus.do(scan_procedure([family], bauds, wanted, watch, result))
+                bus.do(scan_procedure([family], bauds, wanted, watch, result, bus.identify))
         except KeyboardInterrupt:
             note("servobus: stopped; this is what was found so far")
     found, troubles = result.found, result.troubles

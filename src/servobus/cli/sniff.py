@@ -13,7 +13,7 @@ from typing import TypeAlias
 import click
 
 from servobus.cli.decode import find_family_and_model
-from servobus.cli.options import BAUD, as_json, stop_on_signals, verb
+from servobus.cli.options import BAUD, FamilyOption, as_json, stop_on_signals, verb
 from servobus.cli.output import compact, note
 from servobus.cli.packets import print_events, print_summary
 from servobus.connect import FIRST_BAUD, transport
@@ -62,7 +62,7 @@ News: TypeAlias = Entry | float | Exception | None
 )
 @click.option("--once", is_flag=True, help="With --app: end when the application closes its port.")
 @click.option("--save", metavar="FILE", help="Write a recording, which `servobus decode FILE` shows again.")
-@click.option("--family", metavar="FAMILY", help="dynamixel, herkulex or lewansoul; else found out piece by piece.")
+@click.option("--family", cls=FamilyOption, metavar="FAMILY", help="{families}; else found out piece by piece.")
 @click.option("--model", metavar="MODEL", help="Whose registers; else those of the family's first model.")
 @as_json
 def sniff(

@@ -19,7 +19,6 @@ from servobus.cli.options import (
 from servobus.cli.output import note, warn_alarms
 from servobus.core.ids import BROADCAST, LAST_ID
 from servobus.errors import NoReply
-from servobus.families import registry
 from servobus.families.base import Answers, KnownServo, ServoRef
 from servobus.jobs.scan import ScanProgress, scan
 
@@ -113,8 +112,9 @@ def _find_every_servo(bus: Bus, where: Where, then: Callable[[BusServo], None]) 
         then(servo)
         servos.append(servo)
 
+    bus.models = where.model
     for family, bauds in where.rounds():
-        bus.do(scan([family], bauds, range(LAST_ID + 1), watch))
+        bus.do(scan([family], bauds, range(LAST_ID + 1), watch, identify=bus.identify))
     if not servos:
         raise NoReply(f"{bus.transport.name}: no servo answers ({where})")
     return servos
@@ -123,7 +123,7 @@ def _find_every_servo(bus: Bus, where: Where, then: Callable[[BusServo], None]) 
 def _broadcast_torque_off(bus: Bus, where: Where) -> None:
     for family, bauds in where.rounds():
         # One broadcast for each place at which models of this family have their torque.
-        models = {model.register("torque_enable").place: model for model in registry.models_of(family)}
+        models = {model.register("torque_enable").place: model for model in where.models_of(family)}
         for model in models.values():
             for baud in bauds:
                 everyone = KnownServo.of(ServoRef(BROADCAST, model, Answers.READS), baud)

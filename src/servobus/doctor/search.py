@@ -10,7 +10,7 @@ from servobus.doctor.findings import SHOWN, Finding, Level, Watcher, at, command
 from servobus.errors import Garbled
 from servobus.families import registry
 from servobus.families.base import Answers, Family
-from servobus.jobs.scan import FoundServo, ScanProblem, ScanProgress
+from servobus.jobs.scan import FoundServo, Models, ScanProblem, ScanProgress
 
 Rounds = Sequence[tuple[Family, tuple[int, ...]]]
 """Families to ask, each with its speeds."""
@@ -24,12 +24,14 @@ class Plan:
     spare   families and speeds to ask if no servo answers there, until one does
     ids     ids to ask
     reads   how many reads to count lost answers in
+    models  what servos are that cannot say it themselves
     """
 
     rounds: Rounds
     spare: Rounds = ()
     ids: Sequence[int] = range(LAST_ID + 1)
     reads: int = 1000
+    models: Models | None = None
 
 
 @dataclass(slots=True)

@@ -1,4 +1,4 @@
-"""Two servos with one id, of two families or at two speeds: none is lost, nothing meant for one goes to the other."""
+"""Two servos with one id, of two families or at two speeds: none is lost, none gets what is meant for the other."""
 
 import asyncio
 import math

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import servobus
+from samples import every_model
 from servobus import LX16A, MODELS, RX28, PortError, PortLost, Restarted, TorqueOff, UsageError, deg
 from servobus.bus.base import ReconnectReport
 from servobus.bus.blocking import BusServo
@@ -259,7 +260,7 @@ class TestSerial:
 
 
 @DRIVERS
-@pytest.mark.parametrize("key", MODELS)
+@every_model
 def test_a_scan_keeps_what_is_known_of_a_servo(key: str, driver: str) -> None:
     port = Port(f"{key}@1", driver)
     family = MODELS[key].family.name

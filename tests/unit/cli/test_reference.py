@@ -11,11 +11,15 @@ from unit.cli.conftest import Run
 
 def test_models_are_listed(run: Run) -> None:
     lines = run("models").stdout.splitlines()
-    assert [line.split()[0] for line in lines[1:]] == ["rx28", "drs0602", "lx16a"]
+    assert [line.split()[0] for line in lines[1:]] == list(MODELS)
 
 
 def test_models_as_json(load: Callable[..., Any]) -> None:
-    (rx, drs, lx) = load("models")
+    models = {one["name"]: one for one in load("models")}
+    assert {key: one["family"] for key, one in models.items()} == {
+        key: model.family.name for key, model in MODELS.items()
+    }
+    rx, drs, lx = (models[key] for key in ("rx28", "drs0602", "lx16a"))
     assert [one["family"] for one in (rx, drs, lx)] == ["dynamixel", "herkulex", "lewansoul"]
     assert rx["angle"] == {"value": 300.0, "unit": "°"}
     assert drs["performance"] == [

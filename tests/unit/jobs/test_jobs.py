@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 import servobus
+from samples import every_model, turning
 from servobus import (
     DRS0602,
     LX16A,
@@ -85,7 +86,7 @@ class TestScan:
             bus.find(9, family="dynamixel")
 
 
-@pytest.mark.parametrize("key", MODELS)
+@every_model
 class TestEveryModel:
     """What the families share works the same for all."""
 
@@ -146,10 +147,7 @@ class TestEveryModel:
         servo = self.servo(key)
         port = servo._bus.transport
         with servo.torque():
-            if key == "drs0602":
-                servo.turn(speed=90 * deg)
-            else:
-                servo.turn(output=0.5)
+            servo.turn(**turning(servo.model))
             port.sleep(0.5)
             with pytest.raises(UsageError, match="turns without end"):
                 servo.move(90 * deg)
@@ -163,7 +161,7 @@ class TestEveryModel:
     def test_turn_names_what_the_model_can(self, key: str) -> None:
         servo = self.servo(key)
         with pytest.raises(UsageError, match=r"give (speed|output)"):
-            servo.turn(output=0.5) if key == "drs0602" else servo.turn(speed=1.0)
+            servo.turn(output=0.5) if "speed" in turning(servo.model) else servo.turn(speed=1.0)
 
     def test_change_id(self, key: str) -> None:
         servo = self.servo(key)

@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 import servobus
-from servobus import DRS0602, LX16A, MODELS, RX28, BadValue, NoReply, Stopped, UsageError, deg
+from samples import every_model, hottest, models_that, output_limit
+from servobus import LX16A, MODELS, RX28, BadValue, NoReply, Stopped, UsageError, deg
 from servobus.families.base import Answers
 from servobus.safety.overload import Level, OverloadMonitor, Thresholds
 from servobus.virtual.device.servo import VirtualServo
@@ -15,9 +16,6 @@ from servobus.virtual.serve.inprocess import VirtualPort
 from unit.lossy import ASYNC, SYNC
 
 DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
-EVERY = pytest.mark.parametrize("key", MODELS)
-LIMITS = {"rx28": 80.0, "drs0602": 80.0, "lx16a": 85.0}
-"""Factory values of the temperature limit, °C (3-4-1 address 11; 5-1 NO 12; command 24)."""
 
 OK, WARN, DERATE, SAFE = Level
 
@@ -99,7 +97,7 @@ class Bench:
 
     def __init__(self, key: str, driver: str = SYNC, extra: str = "") -> None:
         opener: Any = servobus.open if driver == SYNC else servobus.open_async
-        self.key, self._driver = key, driver
+        self._driver = driver
         self.bus = opener(f"virtual:{key}@1?clock=virtual{extra}")
         self.line: VirtualPort = self.bus.transport
         self.servo = self.bus.attach(MODELS[key], 1)
@@ -135,13 +133,15 @@ class Bench:
     def output_limit(self) -> int:
         """What bounds the servo's output, raw."""
         self.line.sleep(0.02)
-        return self.real.get({"rx28": "torque_limit", "drs0602": "max_pwm"}[self.key])
+        row = output_limit(self.real.model)
+        assert row is not None
+        return self.real.get(row.name)
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_a_ramp_of_heat_goes_through_all_levels_and_back(key: str, driver: str) -> None:
-    bench, limit = Bench(key, driver), LIMITS[key]
+    bench, limit = Bench(key, driver), hottest(MODELS[key])
     bench.servo.safe_action = "free"
     bench.do(lambda servo: servo.torque_on())
     goal = bench.real.position + 10 * deg
@@ -161,19 +161,21 @@ def test_a_ramp_of_heat_goes_through_all_levels_and_back(key: str, driver: str) 
     bench.do(lambda servo: servo.start_move(goal, time=0.2))
 
 
-@EVERY
+@models_that(lambda model: output_limit(model) is None)
+def test_near_the_limit_a_servo_whose_output_has_no_bound_is_moved_at_half_the_speed(key: str) -> None:
+    bench, limit = Bench(key), hottest(MODELS[key])
+    bench.do(lambda servo: servo.torque_on())
+    goal = bench.real.position + 20 * deg
+    durations = []
+    for degrees in (25, limit - 4, limit - 3, 25):
+        bench.at(degrees)
+        durations.append(bench.do(lambda servo: servo.start_move(goal, time=1.0)).duration)
+    assert durations == [1.0, 2.0, 2.0, 1.0]
+
+
+@models_that(lambda model: output_limit(model) is not None)
 def test_near_the_limit_it_is_weakened_once_and_gets_its_strength_back(key: str) -> None:
-    bench, limit = Bench(key), LIMITS[key]
-    if key == "lx16a":  # it has no such register: it is moved at half the speed
-        bench.do(lambda servo: servo.torque_on())
-        goal = bench.real.position + 20 * deg
-        durations = []
-        for degrees in (25, limit - 4, limit - 3, 25):
-            bench.at(degrees)
-            durations.append(bench.do(lambda servo: servo.start_move(goal, time=1.0)).duration)
-        assert durations == [1.0, 2.0, 2.0, 1.0]
-        return
-    own = {"rx28": RX28.torque_limit, "drs0602": DRS0602.max_pwm}[key]
+    bench, limit, own = Bench(key), hottest(MODELS[key]), output_limit(MODELS[key])
     bench.do(lambda servo: servo.write_raw({own: 801}))
     strengths = []
     for degrees in (25.0, limit - 4, limit - 3, limit - 6, limit - 8, 25.0):
@@ -206,7 +208,7 @@ def test_what_restarted_is_weakened_again() -> None:
     assert bench.output_limit() == 1023
 
 
-@EVERY
+@every_model
 def test_a_blocked_shaft_is_made_safe(key: str) -> None:
     bench = Bench(key, extra="&load=blocked")
     bench.do(lambda servo: servo.torque_on())
@@ -231,7 +233,7 @@ def test_a_blocked_shaft_is_made_safe(key: str) -> None:
     bench.do(lambda servo: servo.start_move(here, time=0.5))
 
 
-@EVERY
+@every_model
 def test_a_servo_that_moves_and_holds_is_left_alone(key: str) -> None:
     bench = Bench(key)
     bench.do(lambda servo: servo.torque_on())

@@ -17,6 +17,7 @@ if sys.platform == "win32":
     pytest.skip("no pseudo terminals on Windows", allow_module_level=True)
 
 import servobus
+from samples import ONE_OF_EACH_FAMILY
 from servobus import LX16A, MODELS, RX28, BadValue, Stopped, UsageError, deg
 from servobus.core.exchange import Procedure
 from servobus.jobs.scan import scan
@@ -29,7 +30,7 @@ LONG = 60.0
 """s; a time-out that no test reaches."""
 
 
-@pytest.fixture(params=MODELS)
+@pytest.fixture(params=ONE_OF_EACH_FAMILY)
 def arm(request: pytest.FixtureRequest) -> Iterator[tuple[str, Arm]]:
     with Arm(f"{request.param}@1,2") as arm:
         yield request.param, arm

@@ -1,5 +1,6 @@
 import pytest
 
+from servobus.core.registers import Access, Area
 from servobus.errors import BadValue
 from servobus.families.base import Model
 from servobus.families.dynamixel.places import TABLE
@@ -31,7 +32,11 @@ def test_ram_is_lost_and_eeprom_kept(any_memory: Memory) -> None:
     for name in stored:
         row = any_memory.model.registers[name]
         any_memory.store(row, row.limits[1])
-    volatile = any_memory.model.register("goal_time" if any_memory.model is LX16A else "torque_enable")
+    volatile = next(
+        row
+        for row in any_memory.model.registers.values()
+        if row.area is Area.RAM and row.default == 0 and row.access is Access.READ_WRITE and row.accepts(1)
+    )
     any_memory[volatile] = 1
     any_memory.power_on()
     assert any_memory[volatile] == (volatile.default or 0)
