@@ -185,9 +185,8 @@ class FamilyOption(click.Option):
     """An option that takes the name of a family; its help names those that are known, in place of {families}."""
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        if self.help is not None:
-            self.help = self.help.format(families=registry.names(registry.FAMILIES))
-        return super().get_help_record(ctx)
+        record = super().get_help_record(ctx)
+        return record and (record[0], record[1].format(families=registry.names(registry.FAMILIES)))
 
 
 def where_options(command: F) -> F:
