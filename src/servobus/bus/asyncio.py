@@ -78,7 +78,7 @@ class AsyncBusServo(Awaiting, Servo):
 
     async def do(self, job: Job[T]) -> T:
         """Carry out any job, an exchange or a procedure, at this servo's speed."""
-        return await self._bus.do(job, self.baud)
+        return await self._bus.do(job, self.target.baud)
 
     def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> AsyncMove:
         """Move to an angle in rad; nothing happens until the result is awaited.

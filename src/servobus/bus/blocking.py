@@ -61,7 +61,7 @@ class BusServo(Blocking, Servo):
 
     def do(self, job: Job[T]) -> T:
         """Carry out any job, an exchange or a procedure, at this servo's speed."""
-        return self._bus.do(job, self.baud)
+        return self._bus.do(job, self.target.baud)
 
     def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> Move:
         """Start a move to an angle in rad and give a handle to wait for its end.

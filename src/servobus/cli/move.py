@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from servobus import Bus, BusServo, Move, MoveTimeout, ServobusError
-from servobus.bus.by_servo import ByServo
+from servobus import Bus, BusServo, ByServo, Move, MoveTimeout, ServobusError
 from servobus.cli.options import (
     SECONDS,
     SPEED,
