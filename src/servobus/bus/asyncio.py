@@ -175,7 +175,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
 
     async def do(self, job: Job[T], baud: int | None = None, *, priority: Priority = Priority.READ) -> T:
         """Carry out any job, an exchange or a procedure, at this speed or at the one in use; see `Bus.do`."""
-        line, turn = self.line, turn_for(priority)
+        line, turn = self.line, Turn() if priority is Priority.READ else turn_for(priority)
         try:
             if not line.try_acquire(turn):
                 await line.acquire_async(turn)

@@ -23,7 +23,7 @@ from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
 from servobus.link.blocking import run_blocking
 from servobus.link.link import NOT_FAST
-from servobus.link.ownership import turn_for
+from servobus.link.ownership import Turn, turn_for
 from servobus.safety.safe_stop import crashed
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ class Bus(Blocking, BaseBus[BusServo]):
 
         Jobs of other threads come first if their `priority` is more urgent, but none is broken off by another.
         """
-        line, turn = self.line, turn_for(priority)
+        line, turn = self.line, Turn() if priority is Priority.READ else turn_for(priority)
         try:
             line.acquire(turn)
             link = self.link
