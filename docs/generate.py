@@ -175,7 +175,7 @@ def _row(row: Register[Any]) -> tuple[str, ...]:
 def _layout(layout: Int) -> str:
     if layout.sign_bit is not None:
         return f"{layout.size} bytes, sign in bit {layout.sign_bit}"
-    return f"{'S' if layout.signed else 'U'}{8 * layout.size}"
+    return f"{'S' if layout.signed else 'U'}{8 * layout.size}{', high byte first' if layout.order == 'big' else ''}"
 
 
 def _meaning(row: Register[Any], raw: int) -> str:

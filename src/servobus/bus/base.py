@@ -10,23 +10,22 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 
 from servobus.bus.by_servo import ByServo, name, pick
+from servobus.bus.known_servos import KnownServos
 from servobus.bus.servo import Servo
 from servobus.core.closed import Closed
 from servobus.core.exchange import Batch, Exchange, Procedure, SetBaud
 from servobus.core.framing import Framing, Packet
-from servobus.core.ids import LAST_ID, check_id
-from servobus.core.operation import bus_method
+from servobus.core.ids import LAST_ID
+from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register
-from servobus.core.values import replace
-from servobus.errors import BusError, NoReply, Restarted, UsageError
+from servobus.errors import BusError, Restarted, UsageError
 from servobus.families import registry
-from servobus.families.base import Answers, Family, KnownServo, Model, ServoRef, policy_register
-from servobus.families.record import SafeAction, ServoRecord
+from servobus.families.base import Answers, Family, KnownServo, Model
+from servobus.families.record import SafeAction
 from servobus.jobs.look import verify
 from servobus.jobs.move import PlannedMove, plan, require_torque, start_move, wait_arrival
 from servobus.jobs.scan import (
     FoundServo,
-    ModelConflict,
     Models,
     ScanResult,
     Watcher,
@@ -36,7 +35,7 @@ from servobus.jobs.scan import (
     scan,
 )
 from servobus.link.link import Link
-from servobus.link.ownership import LineOwnership, Priority, Turn, turn_for
+from servobus.link.ownership import LineOwnership, Turn, turn_for
 from servobus.link.pipeline import PipelinedLink
 from servobus.link.stats import Stats
 from servobus.safety.safe_stop import SafeStop
@@ -119,11 +118,7 @@ class BaseBus(Closed, Generic[S]):
         self.bauds = bauds
         self.survey = ScanResult()
         """What the last scan saw, what made no sense included."""
-        self._servos: list[S] = []
-        self._named: set[S] = set()
-        """Those whose model `attach` gave: no scan knows better."""
-        self._speed_assumed: set[S] = set()
-        """Those that `attach` was given no speed for, and that no scan has met since."""
+        self._servos: KnownServos[S] = KnownServos(self._bind, self._guarded)
         self._monitors: dict[S, OverloadMonitor] = {}
         self._close()
 
@@ -179,7 +174,7 @@ class BaseBus(Closed, Generic[S]):
         return pick(self._servos, id, remedy="; use scan(), find() or attach()")
 
     def __iter__(self) -> Iterator[S]:
-        return iter(list(self._servos))
+        return iter(self._servos)
 
     def __len__(self) -> int:
         return len(self._servos)
@@ -207,26 +202,7 @@ class BaseBus(Closed, Generic[S]):
         speed. `answers` defaults to the model's factory setting. From now on it is of this model, whatever a scan takes
         it for. Raises BadValue for an id that no single servo can have, UnknownName if two servos could be meant.
         """
-        check_id(id)
-        same = [servo for servo in self._servos if (servo.id, servo.family.name) == (id, model.family.name)]
-        if baud is not None:
-            same = [servo for servo in same if servo.baud == baud]
-        old = pick(same, id) if same else None
-        if old is not None and old.model is model:
-            old.target = replace(old.target, answers=old.target.answers if answers is None else answers)
-            old.firmware = firmware or old.firmware
-            self._named.add(old)
-            return old
-        if answers is None:
-            level = policy_register(model)
-            answers = Answers.READS if level is None or level.default is None else Answers(level.default)
-        if old is not None:
-            baud = old.baud
-        servo = self._know(ServoRef(id, model, answers), baud or model.factory_baud, firmware, old)
-        self._named.add(servo)
-        if baud is None:
-            self._speed_assumed.add(servo)
-        return servo
+        return self._servos.attach(model, id, baud, answers, firmware)
 
     def forget(self, servo: S | int) -> None:
         """Know this servo no more: it is in no result, and this bus does not make it safe. Sends nothing.
@@ -234,19 +210,13 @@ class BaseBus(Closed, Generic[S]):
         Raises UsageError for one that this bus has set in motion or holds: switch its torque off or make it safe first.
         """
         gone = self[servo]
-        if gone.permit.driven:
-            raise UsageError(
-                f"{gone.target} is driven by this bus, which would not stop it any more: torque_off() first"
-            )
-        self._servos.remove(gone)
+        self._servos.forget(gone)
         self._monitors.pop(gone, None)
-        self._named.discard(gone)
-        self._speed_assumed.discard(gone)
-        gone.permit.inhibited = f"{gone.target} was forgotten by its bus; attach() makes another object of it"
 
     # Finding servos
 
     @bus_method
+    @urgent(Priority.SCAN)
     def scan(
         self,
         *,
@@ -271,7 +241,7 @@ class BaseBus(Closed, Generic[S]):
             for found in survey.found:
                 self.adopt(found)
             raise
-        return (yield from self._adopted(survey.found))
+        return (yield from self._servos.adopt_all(survey.found, survey))
 
     @bus_method
     def find(
@@ -279,7 +249,7 @@ class BaseBus(Closed, Generic[S]):
     ) -> Procedure[S]:
         """Look for one servo. Raises NoReply, or BusError if what answers is no model known here."""
         found = yield from find(self._families(family), self._speeds(bauds), id, self.identify)
-        (servo,) = yield from self._adopted([found])  # find gives known models only
+        (servo,) = yield from self._servos.adopt_all([found], self.survey)  # find gives known models only
         return servo
 
     def identify(self, family: Family, id: int, baud: int, number: int | None) -> type[Model] | None:
@@ -289,9 +259,7 @@ class BaseBus(Closed, Generic[S]):
         one that says nothing is taken for the first model of its family.
         """
         said = None if number is None else registry.identified(family, number)
-        named = (servo for servo in self._named if _place(servo) == (family.name, id, baud))
-        assumed = (servo for servo in self._speed_assumed if _place(servo)[:2] == (family.name, id))
-        attached = next((servo.model for servos in (named, assumed) for servo in servos), None)
+        attached = self._servos.attached_model(family.name, id, baud)
         guessed = None if number is not None else registry.first_model(family)
         return said or attached or model_told(self.models, family, id) or guessed
 
@@ -300,61 +268,7 @@ class BaseBus(Closed, Generic[S]):
 
         One that is known at its id and speed already stays the same object. It stays of the model that `attach` gave.
         """
-        if found.model is None:
-            return None
-        identity = found.identity
-        known = [servo for servo in self if _place(servo) == _found_at(found)]
-        servo = known[0] if known else self._know(ServoRef(found.id, found.model, identity.answers), found.baud)
-        if servo.model is not found.model and servo in self._named:
-            self.survey.conflicts.append(ModelConflict(servo.target, found))
-        elif servo.model is not found.model:
-            # Another one is in its place now, and says so: what was written to the old one tells nothing of it.
-            servo.target = replace(servo.target, model=found.model, record=ServoRecord())
-        servo.target = replace(servo.target, answers=identity.answers)
-        servo.firmware = identity.firmware or servo.firmware
-        self._speed_assumed.discard(servo)
-        servo.state = found.state if servo.model is found.model else None
-        servo.note_alarms(found.alarms)
-        return servo
-
-    def _adopted(self, all_found: Sequence[FoundServo]) -> Procedure[list[S]]:
-        """Know what a scan has found.
-
-        A servo whose speed was assumed by `attach`, and that does not answer there, is taken to be the one that was
-        found at another speed.
-        """
-        met = {_found_at(found) for found in all_found}
-        for found in all_found:
-            place = _found_at(found)
-            known = {_place(servo) for servo in self}
-            for servo in self._speed_assumed.copy():
-                same = (servo.family.name, servo.id) == place[:2]
-                if not same or place in known or _place(servo) in met:
-                    continue
-                yield SetBaud(servo.baud)
-                try:
-                    yield from servo.family.ping(servo.id)
-                except NoReply:
-                    servo.target = replace(servo.target, baud=found.baud)
-                self._speed_assumed.discard(servo)
-        if all_found:
-            yield SetBaud(all_found[-1].baud)
-        return [servo for servo in map(self.adopt, all_found) if servo is not None]
-
-    def _know(self, ref: ServoRef, baud: int, firmware: str = "", old: S | None = None) -> S:
-        """Know another servo, in place of an old one if there is one: what was chosen for that holds for it too."""
-        servo = self._bind(KnownServo.of(ref, baud), firmware)
-        permit = servo.permit
-        permit.before_motion = partial(self.safety.about_to_move, servo)
-        permit.keep_alive = self.safety.keep_alive
-        permit.safe_action = self.safety.chosen
-        if old is None:
-            self._servos.append(servo)
-            return servo
-        permit.max_step, permit.safe_action = old.permit.max_step, old.permit.safe_action
-        self._servos[self._servos.index(old)] = servo
-        old.permit.inhibited = f"{old.target} is attached as {ref} now: use the servo that attach() gave"
-        return servo
+        return self._servos.adopt(found, self.survey)
 
     # Several at once
 
@@ -382,11 +296,13 @@ class BaseBus(Closed, Generic[S]):
         return plan(self._goals(goals), time=time, speed=speed)
 
     @bus_method
+    @urgent(Priority.MOTION)
     def start_planned(self, move: PlannedMove) -> Procedure[None]:
         """Start a move that was planned: all servos of a family at one speed with as few packets as it allows."""
         return start_move(move)
 
     @bus_method
+    @urgent(Priority.MOTION)
     def start_move(
         self, goals: Mapping[Any, float], *, time: float | None = None, speed: float | None = None
     ) -> Procedure[PlannedMove]:
@@ -406,6 +322,7 @@ class BaseBus(Closed, Generic[S]):
         return wait_arrival(move, timeout=timeout)
 
     @bus_method
+    @urgent(Priority.MOTION)
     def torque_on(self, servos: Iterable[S | int] | None = None) -> Procedure[None]:
         """Switch the torque of these servos on (by default of all), each with goal := present position first."""
         for servo in self._chosen(servos):
@@ -414,6 +331,7 @@ class BaseBus(Closed, Generic[S]):
             yield from servo.family.torque(servo.target, on=True)
 
     @bus_method
+    @urgent(Priority.MOTION)
     def torque_off(self, servos: Iterable[S | int] | None = None) -> Procedure[None]:
         """Switch the torque of these servos off (by default of all): of each, even if one fails.
 
@@ -523,6 +441,12 @@ class BaseBus(Closed, Generic[S]):
     def _known(self) -> list[S]:
         return list(self._servos)
 
+    def _guarded(self, servo: S) -> None:
+        """Have a servo ask this bus before it is set in motion, and tell it while it is."""
+        servo.permit.before_motion = partial(self.safety.about_to_move, servo)
+        servo.permit.keep_alive = self.safety.keep_alive
+        servo.permit.safe_action = self.safety.chosen
+
     # The line
 
     def _shared(self, transport: Transport) -> Transport:
@@ -575,15 +499,3 @@ class BaseBus(Closed, Generic[S]):
         for servo in self._servos:
             if servo.id == packet.id and servo.baud == baud and servo.family.framing is exchange.framing:
                 servo.note_alarms(exchange.alarms(packet))
-
-
-_Place: TypeAlias = tuple[str, int, int]
-"""What tells a servo from all others on a port: family, id and speed."""
-
-
-def _place(servo: Servo) -> _Place:
-    return servo.family.name, servo.id, servo.baud
-
-
-def _found_at(found: FoundServo) -> _Place:
-    return found.family.name, found.id, found.baud

@@ -14,7 +14,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from functools import partial
 from numbers import Integral
-from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
+from typing import Any, ClassVar, Generic, Literal, TypeAlias, TypeVar
 
 from servobus.core.units import Quantity, Scale
 from servobus.core.values import frozen
@@ -40,7 +40,7 @@ class Area(enum.Enum):
 
 @frozen
 class Int:
-    """An integer in `size` bytes, low byte first.
+    """An integer in `size` bytes, low byte first unless `order` is "big".
 
     `signed` is two's complement. `sign_bit` makes it sign and magnitude instead: that bit set means
     negative, the bits below it are the magnitude, bits above it are not part of the value.
@@ -49,6 +49,7 @@ class Int:
     size: int
     signed: bool = False
     sign_bit: int | None = None
+    order: Literal["little", "big"] = "little"
 
     @property
     def range(self) -> tuple[int, int]:
@@ -62,10 +63,10 @@ class Int:
     def pack(self, raw: int) -> bytes:
         if self.sign_bit is not None:
             raw = raw if raw >= 0 else -raw | 1 << self.sign_bit
-        return raw.to_bytes(self.size, "little", signed=self.signed)
+        return raw.to_bytes(self.size, self.order, signed=self.signed)
 
     def unpack(self, data: bytes) -> int:
-        raw = int.from_bytes(data, "little", signed=self.signed)
+        raw = int.from_bytes(data, self.order, signed=self.signed)
         if self.sign_bit is None:
             return raw
         magnitude = raw & (1 << self.sign_bit) - 1
@@ -74,7 +75,7 @@ class Int:
     def unpacker(self) -> Callable[[bytes], int]:
         """Give `unpack` as the quickest function that does it."""
         if self.sign_bit is None:
-            return partial(int.from_bytes, byteorder="little", signed=self.signed)
+            return partial(int.from_bytes, byteorder=self.order, signed=self.signed)
         return self.unpack
 
 

@@ -39,6 +39,7 @@ REQUIRED = {
 looks them up by these names and no others."""
 
 OPTIONAL = {
+    "model_number": "",
     "baud": "baud",
     "answer_level": "",
     "present_speed": "rad/s",
@@ -49,6 +50,7 @@ OPTIONAL = {
 }
 """The same for what some models lack; `Model.optional` finds it.
 
+    model_number   what the servo says when asked for its model, if that is one register
     baud           speed on the bus, for good
     answer_level   which requests it answers, as in `Answers`
     goal_speed     speed of the moves from now on, which a move by time sets
@@ -146,7 +148,7 @@ class Model:
                 cls._declare(name, row)
         for name, row in cls.registers.items():
             if row.owner is not cls:
-                cls.registers[name] = copy = row.with_()
+                cls.registers[name] = copy = row.with_(**cls._told_default(row))
                 copy.__set_name__(cls, name)
                 setattr(cls, name, copy)
         for alias, name in cls.aliases.items():
@@ -172,6 +174,19 @@ class Model:
         else:
             cls.registers.pop(name, None)
             cls.aliases[name] = row.name
+
+    @classmethod
+    def _told_default(cls, inherited: Register[Any]) -> dict[str, int]:
+        """Give the factory value of an inherited row where the model says it beside its table."""
+        for name, value in cls._told().items():
+            if inherited.name == cls.aliases.get(name, name) and value is not None:
+                return {"default": inherited.scale.encode(value)}
+        return {}
+
+    @classmethod
+    def _told(cls) -> dict[str, int | None]:
+        """Give what a model says beside its table that is the factory value of a row too: name of the row -> value."""
+        return {"model_number": getattr(cls, "number", None), "baud": getattr(cls, "factory_baud", None)}
 
     @classmethod
     def key(cls) -> str:
@@ -255,4 +270,8 @@ def _check_complete(model: type[Model]) -> None:
         raise TypeError(f"{limit_row}: an output_limit can be written in RAM")
     if model.factory_baud not in model.bauds:
         raise TypeError(f"{model.title}: its factory speed {model.factory_baud} is not among its bauds")
+    for name, value in model._told().items():
+        row = model.optional(name)
+        if row is not None and value is not None and row.scale.encode(value) != row.default:
+            raise TypeError(f"{row}: the factory setting {row.default} is not {value}, as the model says")
     model.family.check_model(model)

@@ -3,12 +3,14 @@
 A distribution adds models under the entry point group `servobus.families`; each entry point names a list of models:
 
     [project.entry-points."servobus.families"]
-    toy = "toyfamily:MODELS"
+    arms = "our_arms.servos:MODELS"
 
 A model brings its family with it. Entry points are looked for when a question goes beyond what is built in (a name that
 is not known, a look at all families), never at import: reading what is installed takes longer than reading a servo.
 """
 
+import os
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TypeVar
 
@@ -88,6 +90,8 @@ def load_installed() -> None:
     if _loaded:
         return
     _loaded = True
+    if not _mentioned():
+        return
     from importlib.metadata import entry_points  # noqa: PLC0415 - slow to import, and mostly not needed
 
     for point in entry_points(group=GROUP):
@@ -97,6 +101,30 @@ def load_installed() -> None:
             import warnings  # noqa: PLC0415 - only ever needed for this message
 
             warnings.warn(f"servo family {point.name} ({point.value}) is left out: {error}", stacklevel=2)
+
+
+def _mentioned() -> bool:
+    """Tell whether something that is installed may have entry points of ours.
+
+    To look for the name of the group in all entry_points.txt takes a millisecond or two; importlib.metadata takes tens
+    of them, as long as all the rest of a command that reads one servo.
+    """
+    for folder in sys.path:
+        try:
+            with os.scandir(folder or ".") as entries:
+                infos = [entry.path for entry in entries if entry.name.endswith((".dist-info", ".egg-info"))]
+        except NotADirectoryError:
+            return True  # an archive: importlib.metadata can look into it
+        except OSError:
+            continue  # what is on the path need not be there
+        for info in infos:
+            try:
+                with open(os.path.join(info, "entry_points.txt"), "rb") as file:  # noqa: PTH118, PTH123 - pathlib is slow
+                    if GROUP.encode() in file.read():
+                        return True
+            except OSError:
+                pass  # most have none
+    return False
 
 
 def model(name: str) -> type[Model]:

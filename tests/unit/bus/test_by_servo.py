@@ -10,6 +10,7 @@ import servobus
 from servobus import DRS0602, LX16A, RX28, Bus, Restarted, Stopped, UnknownName, UsageError, deg
 from servobus.bus.by_servo import ByServo
 from servobus.bus.servo import Servo
+from servobus.core.registers import Register
 from servobus.families.base import Answers
 from servobus.virtual.device.servo import VirtualServo
 from unit.lossy import ASYNC, SYNC
@@ -181,9 +182,8 @@ def test_attach_without_a_speed_gives_the_known_one() -> None:
 
 
 def test_attach_wins_over_the_guess_of_a_scan_and_no_scan_replaces_an_object() -> None:
-    class LX224(LX16A):
-        title = "LX-224"
-
+    rows = {name: row for name, row in vars(LX16A).items() if isinstance(row, Register)}
+    LX224 = type("LX224", (LX16A,), {"title": "LX-224", **rows})  # noqa: N806 - it is a class
     bus = servobus.open("virtual:lx16a@1?clock=virtual")
     servo = bus.attach(LX224, 1)
     servo.torque_on()

@@ -400,4 +400,4 @@ def test_waiting_for_no_number_of_seconds_is_refused() -> None:
     bench.do(lambda servo: servo.torque_on())
     course = bench.do(lambda servo: servo.start_move(160 * deg, time=0.1))
     with pytest.raises(BadValue, match="timeout nan"):
-        bench.bus.wait_arrival([course], math.nan)
+        bench.bus.wait_arrival(course, math.nan)

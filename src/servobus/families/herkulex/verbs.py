@@ -93,6 +93,13 @@ class Herkulex(Family):
         "status_error", "torque_control", "torque_policy",
     )  # fmt: skip
 
+    def check_model(self, model: type[Model]) -> None:
+        """Make sure that the two bytes of the model number say what the model says (NO 1 and 2)."""
+        bytes_ = {row.place.within(EEP): row for row in model.registers.values()}
+        said = [bytes_[at].default if at in bytes_ else None for at in (0, 1)]
+        if said != [*(model.number or 0).to_bytes(2)]:
+            raise TypeError(f"{model.title}: its rows say model number {said}, the model says {model.number:#06x}")
+
     def ping(self, id: int) -> Exchange[None]:
         """STAT: the one request that is always answered."""
         return exchange(f"STAT id {id}", Stat(check_id(id)), ack_only, Reply(id, Code.STAT | ACK, (2,)))
