@@ -20,6 +20,8 @@ from servobus import (
     WrongReply,
     deg,
     dynamixel1,
+    herkulex,
+    lewansoul,
 )
 from servobus.core.exchange import Collector
 from unit.scripted import Scripted
@@ -366,3 +368,17 @@ class TestSecondTry:
         start = port.now()
         bus.do(dynamixel1.write_data(1, 25, b"\x01"), baud=1_000_000)
         assert port.now() - start > 0.2016
+
+
+def test_native_operations_are_values_too() -> None:
+    with servobus.open("virtual:rx28@1-2?clock=virtual") as bus:
+        bus.do(dynamixel1.reg_write(1, 25, b"\x01"), baud=57_600)
+        bus.do(dynamixel1.reg_write(2, 25, b"\x01"))
+        bus.do(dynamixel1.action())
+        assert bus.do(dynamixel1.read_data(1, 25, 1)) == b"\x01"
+        with pytest.raises(Refused):
+            bus.do(dynamixel1.action(1))
+    with servobus.open("virtual:drs0602@219?clock=virtual") as bus:
+        assert bus.do(herkulex.stat(219)).status_error == herkulex.StatusError(0)
+    with servobus.open("virtual:lx16a@1?clock=virtual") as bus:
+        assert bus.do(lewansoul.query(1, lewansoul.Command.SERVO_ID_READ)) == (1,)
