@@ -7,20 +7,23 @@
     │   └── EepromWear                a register in EEPROM was written too often lately
     ├── PortError (OSError)           the port cannot be opened, is in use, or is closed
     │   └── PortLost                  the port was open and went away: unplugged, hung up, or stuck
-    └── BusError                      an exchange failed
-        ├── NoReply (TimeoutError)    silence
-        ├── Garbled                   bytes came, but no packet: wrong baud, noise, two servos at once
-        │   ├── BadChecksum           a packet of the right shape that the checksum refuses
-        │   └── ShortReply            the beginning of a packet
-        ├── WrongReply                a good packet that does not answer what was asked
-        ├── DuplicateId               two answers to one question: two servos have one id
-        ├── BrokenEcho                the line gave back something else than was sent
-        ├── LineBusy                  bytes keep coming although nobody was asked
-        ├── Refused                   the servo understood and said no
+    ├── BusError                      an exchange failed
+    │   ├── NoReply (TimeoutError)    silence
+    │   ├── Garbled                   bytes came, but no packet: wrong baud, noise, two servos at once
+    │   │   ├── BadChecksum           a packet of the right shape that the checksum refuses
+    │   │   └── ShortReply            the beginning of a packet
+    │   ├── WrongReply                a good packet that does not answer what was asked
+    │   ├── DuplicateId               two answers to one question: two servos have one id
+    │   ├── BrokenEcho                the line gave back something else than was sent
+    │   ├── LineBusy                  bytes keep coming although nobody was asked
+    │   └── Refused                   the servo understood and said no
+    └── MotionError                   motion was refused, or ended before its goal: no fault of the line
         ├── TorqueOff                 a move was asked of a servo without torque
         ├── Restarted                 the servo lost what was set in its RAM
         ├── Stopped                   the servos were made safe or stopped: what was under way ended
         └── MoveTimeout (TimeoutError)  the servo did not arrive in time
+
+A loop that asks again after a BusError never swallows a stop: Stopped is no BusError.
 
 An alarm (overheating, low voltage ...) is not in this tree: it is data, and stands beside the values.
 """
@@ -106,20 +109,24 @@ class Refused(BusError):
         self.flags = flags
 
 
-class TorqueOff(BusError):
+class MotionError(ServobusError):
+    """Motion was refused, or ended before its goal was reached. The line and its packets were in order."""
+
+
+class TorqueOff(MotionError):
     """A move was asked of a servo whose torque is off."""
 
 
-class Restarted(BusError):
+class Restarted(MotionError):
     """The servo lost what was set in its RAM: its supply broke down, or somebody restarted it."""
 
 
-class Stopped(BusError):
+class Stopped(MotionError):
     """What was under way ended: servos were made safe, by a watch or on the way out, or somebody stopped one.
 
     Raised by commands of motion too, as long as nothing is to move.
     """
 
 
-class MoveTimeout(BusError, TimeoutError):
+class MoveTimeout(MotionError, TimeoutError):
     """A servo did not arrive at its goal in time."""

@@ -5,7 +5,7 @@ import re
 import pytest
 
 TOTAL = {"H": 121, "D": 91, "L": 78}
-"""Behaviours of each family; docs/decisions.md tells what the numbers stand for."""
+"""Behaviours of each family; docs/behaviours.md tells what the numbers stand for."""
 NAME = re.compile(r"test_([HDL])_(\d+)(?:_|\[|$)")
 
 _tested: set[tuple[str, int]] = set()

@@ -10,9 +10,10 @@ async with servobus.open_async("/dev/ttyUSB0") as bus:
 
 import asyncio
 import threading
-import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Iterator, Mapping
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
+from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
@@ -22,20 +23,18 @@ from servobus.core.exchange import Exchange, Job
 from servobus.core.operation import Awaiting
 from servobus.errors import PortError
 from servobus.families.base import ServoRef
+from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
 from servobus.link.link import NOT_FAST, Link, Receive, Waits
+from servobus.link.ownership import Priority, Turn, turn_for
+from servobus.safety.safe_stop import crashed
+from servobus.transports.base import Transport
+from servobus.transports.shared_reader import SharedReader
 
 if TYPE_CHECKING:
     from servobus.bus.cycle import AsyncBusCycle
 
 T = TypeVar("T")
-
-LOCK_TIMEOUT = 0.1
-"""s that one who must make the servos safe waits for the line before he interrupts who has it."""
-TAKEOVER_TIMEOUT = 0.4
-"""s after which he does without the other's leave: the loop may be stuck."""
-LOOK = 0.002
-"""s between two looks whether the line is free; no thread can wait for a lock of a loop."""
 
 
 class AsyncMove:
@@ -99,7 +98,7 @@ class AsyncBusServo(Awaiting, Servo):
             await self.torque_on()
             yield self
         except BaseException:
-            rest = self._bus._secure(rest)
+            rest = await self._bus.secure(rest)
             raise
         finally:
             if rest:
@@ -110,14 +109,16 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
     """Servos on one port, for asyncio. Opening it asks nothing and moves nothing."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self._lock = asyncio.Lock()
-        self._reading = threading.Lock()
-        """Held while a thread reads, where the loop cannot wait by itself."""
         self._waiter: asyncio.Future[bytes] | None = None
-        """Who waits for bytes."""
+        """The task that waits for bytes."""
         self._listening: tuple[asyncio.AbstractEventLoop, int] | None = None
         """The loop that tells when the port's descriptor is readable."""
+        self._reader: ThreadPoolExecutor | None = None
+        """The thread that reads a port without a descriptor."""
+        self._stopping: Awaitable[Any] | None = None
+        """The stop that was begun last, beside the loop: the port stays open until it is over."""
+        self._read_under_way: asyncio.Future[None] | None = None
+        super().__init__(*args, **kwargs)
 
     async def __aenter__(self) -> Self:
         return self
@@ -126,40 +127,60 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            if self._crashed(error):
-                self._end(safe=True)  # blocking: a second cancellation must not end it halfway
+            if crashed(error):
+                self._beside_the_loop(partial(self.safety.end, safe=True))
+            if self._stopping is not None:
+                await _to_its_end(self._stopping)  # a second cancellation must not end it halfway
         finally:
             self.close()
 
     def close(self) -> None:
         """Give the port back. Torque stays as it is."""
-        self._end(safe=False)
+        self.safety.end(safe=False)
         self._stop_listening()
+        if self._reader is not None:
+            self._reader.shutdown(wait=False)
         self.transport.close()
 
     async def reopen(self) -> ReconnectReport:
         """Open the port again after it was lost, and see who is there; see `Bus.reopen`."""
-        async with self._lock:
+        turn = turn_for(Priority.MOTION)
+        try:
+            await self.line.acquire_async(turn)
             self._stop_listening()  # what is opened may get the same descriptor
             if self.transport.blocking():
                 await asyncio.to_thread(self.transport.reopen)
             else:
                 self.transport.reopen()
+            self._port = self._shared(self.transport)
             self._reopened()
+        finally:
+            self.line.end(turn)
         reunion = await self.do(self._reunited())
-        self._after_trip()
+        await _to_its_end(self._beside_the_loop(self.safety.after_reopen))
         return reunion
 
-    async def do(self, job: Job[T], baud: int | None = None) -> T:
-        """Carry out any job, an exchange or a procedure, at this speed or at the one in use."""
-        async with self._lock:
+    def make_safe(self, action: SafeAction | None = None, *, interrupt: bool = False) -> Awaitable[None]:
+        """Run the safe action, or this one, of each servo that this bus has switched on or set in motion.
+
+        It begins at once, in a thread beside the event loop; await what is given to see its end, which no cancellation
+        delays or prevents. See `Bus.make_safe`.
+        """
+        return self._beside_the_loop(partial(self.safety.make_safe, action, interrupt=interrupt))
+
+    async def do(self, job: Job[T], baud: int | None = None, priority: Priority = Priority.READ) -> T:
+        """Carry out any job, an exchange or a procedure, at this speed or at the one in use; see `Bus.do`."""
+        line, turn = self.line, turn_for(priority)
+        try:
+            if not line.try_acquire(turn):
+                await line.acquire_async(turn)
             link = self.link
             if baud is not None and baud != self.transport.baud:
-                await self._wait(link, link.set_baud(baud))
+                await self._wait(link, link.set_baud(baud), turn)
             if type(job) is not Exchange:
-                return await self._wait(link, link.run(job))
+                return await self._wait(link, link.run(job), turn)
             if not (window := link.try_fast_send(job)):
-                return await self._wait(link, link.transact(job))
+                return await self._wait(link, link.transact(job), turn)
             try:
                 heard = await self._read(window)
             except BaseException:
@@ -169,8 +190,10 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
                 link.check()
             result = link.try_fast_receive(job, heard)
             if result is NOT_FAST:
-                return await self._wait(link, link.transact(job, heard))
+                return await self._wait(link, link.transact(job, heard), turn)
             return result  # type: ignore[return-value] # it is a T, as it is not NOT_FAST
+        finally:
+            line.end(turn)
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> AsyncMove:
         """Move several servos, id -> angle in rad, that start together and arrive together; see `Bus.move`."""
@@ -204,17 +227,31 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             await self.torque_on(servos)
             yield self
         except BaseException:
-            servos = self._secure(servos)
+            servos = await self.secure(servos)
             raise
         finally:
             await self.torque_off(servos)
 
+    async def secure(self, servos: list[AsyncBusServo]) -> list[AsyncBusServo]:
+        """Make those servos safe whose safe action was chosen; give the others."""
+        return await _to_its_end(self._beside_the_loop(partial(self.safety.secure, servos)))
+
     def _bind(self, target: ServoRef, baud: int, firmware: str) -> AsyncBusServo:
         return AsyncBusServo(self, target, baud, firmware)
 
-    # Carrying out
+    # The line
 
-    async def _wait(self, link: Link, waits: Waits[T]) -> T:
+    def _shared(self, transport: Transport) -> Transport:
+        """Have a port that the loop cannot watch read in a thread."""
+        watched = not transport.blocking() or transport.fileno() is not None
+        return transport if watched else SharedReader(transport)
+
+    def _firm(self) -> float:
+        """Give how long a stop waits for what it has interrupted: not at all in the loop, which it would hold up."""
+        return 0.0 if _running_loop() is not None else super()._firm()
+
+    async def _wait(self, link: Link, waits: Waits[T], turn: Turn) -> T:
+        """Wait as asked until the job is done; as `run_blocking`, without holding the event loop."""
         heard = b""
         try:
             wait = next(waits)
@@ -222,11 +259,9 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
                 if isinstance(wait, Receive):
                     heard = await self._read(wait.seconds)
                 elif wait.shared:
-                    self._lock.release()
-                    try:
-                        await self._pause(wait.seconds)
-                    finally:
-                        await self._lock.acquire()
+                    self.line.give_way(turn)
+                    await self._pause(wait.seconds)
+                    await self.line.acquire_async(turn)
                 else:
                     await self._pause(wait.seconds)
                 if link.superseded:
@@ -238,32 +273,6 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         finally:
             waits.close()
 
-    @contextmanager
-    def _take_over(self, *, interrupt: bool) -> Iterator[Link]:
-        """See `SafeStop._take_over`. Tasks that want the line meanwhile get Stopped: no lock holds them off."""
-        old = self.link
-        if not interrupt:
-            self._await_free(LOCK_TIMEOUT)
-        link = old.supersede()
-        if not interrupt:
-            self._await_free(TAKEOVER_TIMEOUT)
-        held = self._reading.acquire(timeout=TAKEOVER_TIMEOUT)
-        try:
-            yield link
-        finally:
-            self.link = link
-            if held:
-                self._reading.release()
-
-    def _await_free(self, reply_margin: float) -> None:
-        end = time.monotonic() + reply_margin
-        while self._lock.locked() and time.monotonic() < end:
-            time.sleep(LOOK)
-
-    def _read_alone(self, timeout: float) -> bytes:
-        with self._reading:
-            return self.transport.read(timeout)
-
     # Waiting, the asynchronous way
 
     async def _read(self, timeout: float) -> bytes:  # noqa: ASYNC109 - the transport's clock
@@ -272,7 +281,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             return transport.read(timeout)
         fd = transport.fileno()
         if fd is None:
-            return await asyncio.to_thread(self._read_alone, timeout)
+            return await self._read_in_thread(timeout)
         loop = asyncio.get_running_loop()
         if self._listening != (loop, fd):
             loop.add_reader(fd, self._readable, loop, fd)
@@ -286,6 +295,27 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             timer.cancel()
             self._waiter = None
 
+    async def _read_in_thread(self, timeout: float) -> bytes:  # noqa: ASYNC109 - the transport's clock
+        """Wait for what the one thread hears that reads. If this task is cancelled, the next finds it."""
+        port = self._port
+        assert isinstance(port, SharedReader)
+        loop = asyncio.get_running_loop()
+        end = loop.time() + timeout
+        while not (heard := port.take()):
+            left = max(end - loop.time(), 0.0)
+            reading = self._read_under_way
+            if reading is None or reading.get_loop() is not loop:
+                if self._reader is None:
+                    self._reader = ThreadPoolExecutor(1, "servobus reader")
+                reading = self._read_under_way = loop.run_in_executor(self._reader, port.fill, left)
+            done, _ = await asyncio.wait({reading}, timeout=left)
+            if done:
+                self._read_under_way = None
+                reading.result()
+            if loop.time() >= end:
+                return port.take()
+        return heard
+
     def _stop_listening(self) -> None:
         if self._listening is not None:
             loop, fd = self._listening
@@ -294,11 +324,17 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
                 loop.remove_reader(fd)
 
     def _readable(self, loop: asyncio.AbstractEventLoop, fd: int) -> None:
-        """Give bytes to who waits for them. If nobody does, stop listening: the loop would turn and turn."""
-        waiter = self._waiter
-        if waiter is None or waiter.done():
+        """Give bytes to the task that waits for them. If none does, stop listening: the loop would turn and turn.
+
+        While a stop has the line, its thread reads: what comes is for that thread, not for the task it interrupted.
+        """
+        waiter, holder = self._waiter, self.line.holder
+        stopping = holder is not None and holder.priority is Priority.STOP
+        if waiter is None or waiter.done() or stopping:
             loop.remove_reader(fd)
             self._listening = None
+            if waiter is not None:
+                _end(waiter)
             return
         try:
             waiter.set_result(self.transport.read(0))
@@ -306,11 +342,75 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             waiter.set_exception(error)
 
     async def _pause(self, seconds: float) -> None:
-        if seconds > 0:
-            if self.transport.blocking():
-                await asyncio.sleep(seconds)
+        if not self.transport.blocking():
+            self.transport.sleep(seconds)
+        else:
+            await asyncio.sleep(max(seconds, 0.0))
+
+    def _beside_the_loop(self, work: Callable[[], T]) -> Awaitable[T]:
+        """Begin blocking work at once, in a thread beside the event loop; give an awaitable of its result.
+
+        Without a loop in this thread, or on a virtual clock, which only its caller can let go on, it is done at once.
+        """
+        loop = _running_loop()
+        if loop is None or not self.transport.blocking():
+            return _Done(work())
+        done: asyncio.Future[T] = loop.create_future()
+
+        def tell(result: T | None, error: BaseException | None) -> None:
+            if done.done():
+                return
+            if error is not None:
+                done.set_exception(error)
             else:
-                self.transport.sleep(seconds)
+                done.set_result(result)  # type: ignore[arg-type] # it is a T where there is no error
+
+        def run() -> None:
+            result, error = None, None
+            try:
+                result = work()
+            except BaseException as caught:  # noqa: BLE001 - it is raised where the work is waited for
+                error = caught
+            if not loop.is_closed():
+                loop.call_soon_threadsafe(tell, result, error)
+
+        threading.Thread(target=run, name="servobus stop").start()
+        self._stopping = done
+        return done
+
+
+class _Done(Awaitable[T]):
+    """An awaitable of something that is done already."""
+
+    def __init__(self, result: T) -> None:
+        self._result = result
+
+    def __await__(self) -> Generator[Any, None, T]:
+        yield from ()
+        return self._result
+
+
+async def _to_its_end(work: Awaitable[T]) -> T:
+    """Wait for work that must be finished: a cancellation is raised when it is."""
+    if not isinstance(work, asyncio.Future):
+        return await work
+    cancelled: asyncio.CancelledError | None = None
+    while not work.done():
+        try:
+            await asyncio.wait({work})
+        except asyncio.CancelledError as error:
+            cancelled = error
+    if cancelled is not None:
+        raise cancelled
+    done: T = work.result()
+    return done
+
+
+def _running_loop() -> asyncio.AbstractEventLoop | None:
+    try:
+        return asyncio.get_running_loop()
+    except RuntimeError:
+        return None
 
 
 def _end(waiter: asyncio.Future[bytes]) -> None:

@@ -5,6 +5,7 @@ The drivers themselves only differ in how they wait.
 
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -23,15 +24,22 @@ from servobus.jobs.look import verify
 from servobus.jobs.move import PlannedMove, plan, require_torque, start_move, wait_arrival
 from servobus.jobs.scan import FoundServo, ScanResult, Watcher, find, scan
 from servobus.link.link import Link
+from servobus.link.ownership import LineOwnership, Priority, Turn, turn_for
 from servobus.link.pipeline import PipelinedLink
 from servobus.link.stats import Stats
 from servobus.safety.safe_stop import SafeStop
+from servobus.safety.watchdog import Watchdog
 from servobus.transports.base import Transport
 
 if TYPE_CHECKING:
     from servobus.safety.overload import Level, Protection, Thresholds
 
 S = TypeVar("S", bound=Servo)
+
+LOCK_TIMEOUT = 0.1
+"""s that a stop waits for the line before it interrupts the job that has it."""
+TAKEOVER_TIMEOUT = 0.4
+"""s after which a stop goes ahead although the interrupted job has not ended: it may be stuck."""
 
 POSITION_SPEED_LOAD = ("present_position", "present_speed", "present_load")
 """What a control cycle reads if nothing is said."""
@@ -46,7 +54,7 @@ class ReconnectReport:
     restarted: tuple[int, ...]
 
 
-class Driver(SafeStop, Generic[S]):
+class Driver(Generic[S]):
     """A port, and the servos known on it.
 
     `bauds` are the speeds to look for servos at, if not the factory speed of each family. `echo` says
@@ -62,10 +70,13 @@ class Driver(SafeStop, Generic[S]):
         echo: bool | None = None,
         safe_action: SafeAction | None = None,
     ) -> None:
-        super().__init__(safe_action)
         self.transport = transport
+        self._port = self._shared(transport)
+        """What the link talks through."""
         self._echo = echo
+        self.line = LineOwnership()
         self.link = self._new_link()
+        self.safety = SafeStop(transport, self._known, self._take_over, safe_action)
         self.bauds = bauds
         self.survey = ScanResult()
         """What the last scan saw, what made no sense included."""
@@ -81,6 +92,38 @@ class Driver(SafeStop, Generic[S]):
     def stats(self) -> Stats:
         """What happened on this bus, in numbers."""
         return self.link.stats
+
+    # Safety
+
+    @property
+    def safe_action(self) -> SafeAction:
+        """Safe action of all servos on this bus; setting it sets that of the known ones and of all still to be found.
+
+        Raises UsageError if a known servo cannot do it. One that is found later and cannot is not moved.
+        """
+        return self.safety.action
+
+    @safe_action.setter
+    def safe_action(self, action: SafeAction) -> None:
+        self.safety.action = action
+
+    @property
+    def watching(self) -> Watchdog | None:
+        """The watchdog that `watch` has begun and nothing has ended; None if there is none."""
+        return self.safety.watchdog
+
+    def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> Watchdog:
+        """Guard streamed motion: make the servos safe if nothing is heard of this program for `timeout` s.
+
+        Each command of motion on this bus feeds the watchdog, waiting for a move does, and `feed()`. If none comes in
+        time, a thread of its own runs `action`, or each servo's safe action, once, even while the program is stuck or
+        another thread has the line. Then commands of motion raise Stopped until `reset()` or `stop()` of what is given
+        here, and so does waiting for a move. Servos that this bus has not switched on or set in motion are left alone,
+        and as long as there is none nothing trips.
+
+        Real time is what counts; on a port with a virtual clock a watchdog is a UsageError.
+        """
+        return self.safety.watch(timeout, action)
 
     # The servos known here
 
@@ -134,9 +177,9 @@ class Driver(SafeStop, Generic[S]):
             old.baud, old.firmware = baud, firmware or old.firmware
             return old
         servo = self._bind(ServoRef(id, model, answers), baud, firmware)
-        servo.notes.before_motion = partial(self._about_to_move, servo)
-        servo.notes.keep_alive = self._kept_alive
-        servo.notes.safe_action = self._safe_action
+        servo.notes.before_motion = partial(self.safety.about_to_move, servo)
+        servo.notes.keep_alive = self.safety.keep_alive
+        servo.notes.safe_action = self.safety.chosen
         if old is None:
             self._servos.append(servo)
         else:
@@ -347,11 +390,37 @@ class Driver(SafeStop, Generic[S]):
     def _speeds(self, bauds: Iterable[int] | None) -> tuple[int, ...] | None:
         return self.bauds if bauds is None else tuple(bauds)
 
-    def _joints(self) -> list[S]:
+    def _known(self) -> list[S]:
         return list(self._servos)
 
+    # The line
+
+    def _shared(self, transport: Transport) -> Transport:
+        """Give what the link talks through, where this driver cannot wait for the port by itself."""
+        return transport
+
+    @contextmanager
+    def _take_over(self, interrupt: bool) -> Iterator[tuple[Link, LineOwnership, Turn]]:
+        """Have the line for a stop: wait for what uses it, then make that fail, then go ahead all the same."""
+        link, turn = self.link, turn_for(Priority.STOP)
+
+        def supersede() -> None:
+            nonlocal link
+            link = link.supersede()
+
+        try:
+            self.line.take_over(turn, supersede, 0.0 if interrupt else LOCK_TIMEOUT, self._firm())
+            yield link, self.line, turn
+        finally:
+            self.link = link
+            self.line.end(turn)
+
+    def _firm(self) -> float:
+        """Give how long a stop waits, in s, for a job that it has interrupted."""
+        return TAKEOVER_TIMEOUT
+
     def _new_link(self) -> Link:
-        return PipelinedLink(self.transport, echo=self._echo, heard=self._heard, fences=self._fences)
+        return PipelinedLink(self._port, echo=self._echo, heard=self._heard, fences=self._fences)
 
     def _reopened(self) -> None:
         """Begin anew on a port that was opened again: nothing of the old one can come any more."""

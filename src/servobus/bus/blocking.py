@@ -8,30 +8,27 @@ with servobus.open("/dev/ttyUSB0") as bus:
         elbow.move(90 * deg, speed=60 * deg).wait()
 """
 
-import threading
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Self, TypeVar
 
 from servobus.bus.base import POSITION_SPEED_LOAD, Driver, ReconnectReport
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Exchange, Job
 from servobus.core.operation import Blocking
 from servobus.families.base import ServoRef
+from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
 from servobus.link.blocking import run_blocking
-from servobus.link.link import NOT_FAST, Link, Waits
+from servobus.link.link import NOT_FAST
+from servobus.link.ownership import Priority, turn_for
+from servobus.safety.safe_stop import crashed
 
 if TYPE_CHECKING:
     from servobus.bus.cycle import BusCycle
 
 T = TypeVar("T")
-
-LOCK_TIMEOUT = 0.1
-"""s that one who must make the servos safe waits for the line before he interrupts who has it."""
-TAKEOVER_TIMEOUT = 0.4
-"""s after which he does without the other's leave."""
 
 
 class Move:
@@ -84,7 +81,7 @@ class BusServo(Blocking, Servo):
             self.torque_on()
             yield self
         except BaseException:
-            rest = self._bus._secure(rest)
+            rest = self._bus.safety.secure(rest)
             raise
         finally:
             if rest:
@@ -94,10 +91,6 @@ class BusServo(Blocking, Servo):
 class Bus(Blocking, Driver[BusServo]):
     """Servos on one port. Opening it asks nothing and moves nothing. May be shared between threads."""
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self._lock = threading.RLock()
-
     def __enter__(self) -> Self:
         return self
 
@@ -105,14 +98,14 @@ class Bus(Blocking, Driver[BusServo]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            if self._crashed(error):
-                self._end(safe=True)
+            if crashed(error):
+                self.safety.end(safe=True)
         finally:
             self.close()
 
     def close(self) -> None:
         """Give the port back. Torque stays as it is."""
-        self._end(safe=False)
+        self.safety.end(safe=False)
         self.transport.close()
 
     def reopen(self) -> ReconnectReport:
@@ -121,23 +114,40 @@ class Bus(Blocking, Driver[BusServo]):
         A USB adapter is found by its serial number, whatever the port is called now. Servos that lost their RAM, so
         their supply too, are not moved until `torque_on` or `rearm`. Raises PortError if the port is not there.
         """
-        with self._lock:
+        turn = turn_for(Priority.MOTION)
+        try:
+            self.line.acquire(turn)
             self.transport.reopen()
             self._reopened()
             reunion = self.do(self._reunited())
-        self._after_trip()
+        finally:
+            self.line.end(turn)
+        self.safety.after_reopen()
         return reunion
 
-    def do(self, job: Job[T], baud: int | None = None) -> T:
-        """Carry out any job, an exchange or a procedure, at this speed or at the one in use."""
-        with self._lock:
+    def make_safe(self, action: SafeAction | None = None, *, interrupt: bool = False) -> None:
+        """Run the safe action, or this one, of each servo that this bus has switched on or set in motion.
+
+        Blocks until it is done. Each is tried even if another fails; what fails is told through `logging`.
+        `interrupt` takes the line at once from whatever has it.
+        """
+        self.safety.make_safe(action, interrupt=interrupt)
+
+    def do(self, job: Job[T], baud: int | None = None, priority: Priority = Priority.READ) -> T:
+        """Carry out any job, an exchange or a procedure, at this speed or at the one in use.
+
+        Jobs of other threads come first if their `priority` is more urgent, but none is broken off by another.
+        """
+        line, turn = self.line, turn_for(priority)
+        try:
+            line.acquire(turn)
             link = self.link
             if baud is not None and baud != self.transport.baud:
-                self._wait(link, link.set_baud(baud))
+                run_blocking(link, link.set_baud(baud), line, turn)
             if type(job) is not Exchange:
-                return self._wait(link, link.run(job))
+                return run_blocking(link, link.run(job), line, turn)
             if not (window := link.try_fast_send(job)):
-                return self._wait(link, link.transact(job))
+                return run_blocking(link, link.transact(job), line, turn)
             try:
                 heard = self.transport.read(window)
             except BaseException:
@@ -147,8 +157,10 @@ class Bus(Blocking, Driver[BusServo]):
                 link.check()
             result = link.try_fast_receive(job, heard)
             if result is NOT_FAST:
-                return self._wait(link, link.transact(job, heard))
+                return run_blocking(link, link.transact(job, heard), line, turn)
             return result  # type: ignore[return-value] # it is a T, as it is not NOT_FAST
+        finally:
+            line.end(turn)
 
     def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> Move:
         """Move several servos, id -> angle in rad, that start together and arrive together.
@@ -186,28 +198,10 @@ class Bus(Blocking, Driver[BusServo]):
             self.torque_on(servos)
             yield self
         except BaseException:
-            servos = self._secure(servos)
+            servos = self.safety.secure(servos)
             raise
         finally:
             self.torque_off(servos)
 
     def _bind(self, target: ServoRef, baud: int, firmware: str) -> BusServo:
         return BusServo(self, target, baud, firmware)
-
-    # Carrying out
-
-    def _wait(self, link: Link, waits: Waits[T]) -> T:
-        return run_blocking(link, waits, self._lock)
-
-    @contextmanager
-    def _take_over(self, *, interrupt: bool) -> Iterator[Link]:
-        link, held = self.link, self._lock.acquire(timeout=0 if interrupt else LOCK_TIMEOUT)
-        if interrupt or not held:
-            link = link.supersede()
-        held = held or self._lock.acquire(timeout=TAKEOVER_TIMEOUT)
-        try:
-            yield link
-        finally:
-            self.link = link
-            if held:
-                self._lock.release()

@@ -6,7 +6,8 @@ import click
 
 from servobus import Bus, BusServo, ServobusError
 from servobus.cli.options import Where, find, on_servo, opened, verb
-from servobus.cli.output import note, text
+from servobus.cli.output import note
+from servobus.core.present import value_text
 from servobus.errors import UsageError
 from servobus.jobs.backup import Backup
 
@@ -87,7 +88,7 @@ def show_changes(bus: Bus, servo: BusServo, saved: Backup) -> int:
     count = 0
     for row, raw in zip(rows, present, strict=True):
         if raw != saved.values[row.name]:
-            click.echo(f"  {row.name}: {text(row, raw)} -> {text(row, saved.values[row.name])}")
+            click.echo(f"  {row.name}: {value_text(row, raw)} -> {value_text(row, saved.values[row.name])}")
             count += 1
     if saved.id != servo.id:
         note(f"the backup is of id {saved.id}; the id stays {servo.id}")

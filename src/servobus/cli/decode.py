@@ -3,18 +3,19 @@
 import re
 import sys
 from pathlib import Path
-from typing import Any
 
 import click
 
 from servobus import FAMILIES
 from servobus.cli.options import as_json, verb
 from servobus.cli.output import note, print_json
-from servobus.cli.packets import ROW, conclude, report
-from servobus.core.framing import Corrupt, Event, Noise, Packet
+from servobus.cli.packets import print_events, print_summary
+from servobus.core.framing import Corrupt, Packet
 from servobus.errors import UsageError
 from servobus.families import registry
 from servobus.families.base import Family, Model
+from servobus.families.present import packet_entries
+from servobus.traffic.present import BYTES_PER_LINE
 from servobus.traffic.recording import is_recording, parse
 from servobus.traffic.streams import first_model
 from servobus.traffic.tracker import Tracker
@@ -46,15 +47,15 @@ def decode(source: tuple[str, ...], family: str | None, model: str | None, json:
         replay(data, name, family, model, json=json)
         return
     table = _model(data, family, model)
-    entries = explain(table, data)
+    entries = packet_entries(table, data)
     if json:
         print_json(entries)
         return
     click.echo(f"{table.family.title}, registers of {table.title}, {len(data)} bytes")
     for entry in entries:
         raw = bytes.fromhex(entry["hex"])
-        for at in range(0, len(raw), ROW):
-            click.echo(f"{entry['offset'] + at:6d}  {raw[at : at + ROW].hex(' ').upper()}")
+        for at in range(0, len(raw), BYTES_PER_LINE):
+            click.echo(f"{entry['offset'] + at:6d}  {raw[at : at + BYTES_PER_LINE].hex(' ').upper()}")
         click.echo(click.wrap_text(entry["text"], 80, INDENT, INDENT))
 
 
@@ -72,9 +73,9 @@ def replay(content: bytes, name: str, family: str | None, model: str | None, *, 
         click.echo(f"{head.port} at {head.baud} baud, recorded {head.started}")
     tracker = Tracker(whose, table, head.baud)
     for entry in recording.entries:
-        report(tracker.feed(entry), json=json)
-    report(tracker.finish(), json=json)
-    conclude(tracker, json=json)
+        print_events(tracker.feed(entry), json=json)
+    print_events(tracker.finish(), json=json)
+    print_summary(tracker, json=json)
     if recording.cut:
         note(f"{name}: the last line was cut off and is left out")
 
@@ -105,57 +106,6 @@ def guess(data: bytes) -> Family:
         return len(packets), sum(isinstance(event, Corrupt) for event in events)
 
     return max(FAMILIES.values(), key=score)
-
-
-def explain(model: type[Model], data: bytes) -> list[dict[str, Any]]:
-    """Give one entry per packet, broken packet and run of junk, with its place in the bytes."""
-    family = model.family
-    events = family.framing.decode(data)
-    entries = []
-    request: Packet | None = None
-    for event, offset in zip(events, _offsets(events, family, len(data)), strict=True):
-        id = None
-        if isinstance(event, Packet):
-            kind, id = "packet", event.id
-            raw = data[offset : offset + family.framing.overhead + len(event.data)]
-            text = family.explain(event, request, model)
-            # A packet that reads otherwise behind its request is the answer to it, and is not answered itself.
-            request = event if text == family.explain(event, None, model) else None
-        elif isinstance(event, Corrupt):
-            kind, id, raw = "corrupt", event.packet.id, event.raw
-            text = f"CHECKSUM WRONG: would be {family.explain(event.packet, request, model)}"
-            request = None
-        else:  # a line that changes its direction makes junk: what was asked before it can be answered behind it
-            kind, raw = "noise", event.raw
-            text = f"JUNK: {len(raw)} bytes that are no packet" if len(raw) > 1 else "JUNK: a byte that is no packet"
-        entries.append(
-            {
-                "offset": offset,
-                "hex": raw.hex(" ").upper(),
-                "kind": kind,
-                "family": family.name,
-                "id": id,
-                "text": text,
-            }
-        )
-    return entries
-
-
-def _offsets(events: list[Event], family: Family, total: int) -> list[int]:
-    """Tell where each event starts. Noise does not say: it ends where the next packet starts."""
-    offsets: list[int] = []
-    following = total
-    for event in reversed(events):
-        match event:
-            case Noise(raw):
-                start = following - len(raw)
-            case Corrupt(packet, raw):
-                start = packet.end - len(raw)
-            case Packet():
-                start = event.end - family.framing.overhead - len(event.data)
-        offsets.append(start)
-        following = start
-    return offsets[::-1]
 
 
 def _bytes(source: tuple[str, ...]) -> tuple[bytes, str]:

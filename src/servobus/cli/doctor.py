@@ -52,7 +52,7 @@ def doctor(port: str, where: Where, ids: str, reads: int, json: bool) -> None:
             if not json:
                 _tell(finding)
     if json:
-        print_json([_entry(finding) for finding in findings])
+        print_json([finding.entry() for finding in findings])
     else:
         _sum_up(findings)
     if any(finding.level is Level.FAIL for finding in findings):
@@ -89,16 +89,6 @@ def _sum_up(findings: list[Finding]) -> None:
     words = {Level.FAIL: "wrong", Level.WARN: "worth a look"}
     said = [f"{number} {words[level]}" for level, number in counts.items() if number]
     click.echo(", ".join(said) or "nothing is wrong")
-
-
-def _entry(finding: Finding) -> dict[str, object]:
-    return {
-        "level": str(finding.level),
-        "check": finding.check,
-        "what": finding.what,
-        "cause": finding.cause,
-        "mend": list(finding.mend),
-    }
 
 
 class Bar:

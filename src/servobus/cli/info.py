@@ -5,12 +5,11 @@ from typing import Any
 
 from servobus import BusServo, NoReply
 from servobus.cli.options import Where, as_json, find, on_servo, opened, verb
-from servobus.cli.output import console, entry, identity, print_json, text
-from servobus.cli.reference import sheet
+from servobus.cli.output import console, print_json
+from servobus.core.present import value_entry, value_text
 from servobus.core.registers import Access, Register
-from servobus.core.units import show
 from servobus.errors import BusError, Refused
-from servobus.families.base import Model
+from servobus.families.present import model_entry, model_lines, servo_entry
 
 WIDEST = 16
 """Columns that a value may take before its register's meaning makes room for it."""
@@ -28,17 +27,24 @@ def info(port: str, id: int, where: Where, json: bool) -> None:
         servo.look()
         raws = _read_all(servo)
     if json:
-        registers = {row.name: entry(row, raw) for row, raw in raws.items() if raw is not None}
+        registers = {row.name: value_entry(row, raw) for row, raw in raws.items() if raw is not None}
         alarms = servo.alarm_text().split("+") if servo.alarms else []
-        print_json({**identity(servo), "alarms": alarms, "registers": registers, "sheet": sheet(servo.model)})
+        print_json(
+            {
+                **servo_entry(servo.family, servo.model, servo.id, servo.baud, servo.firmware),
+                "alarms": alarms,
+                "registers": registers,
+                "sheet": model_entry(servo.model),
+            }
+        )
         return
     out = console()
     out.print(str(servo), style="bold", markup=False)
     out.print(f"firmware {servo.firmware or 'unknown: it cannot be asked'}", markup=False)
-    for line in _sheet_lines(servo.model):
+    for line in model_lines(servo.model):
         out.print(line, markup=False)
     out.print()
-    values = {row: "no answer" if raw is None else text(row, raw) for row, raw in raws.items()}
+    values = {row: "no answer" if raw is None else value_text(row, raw) for row, raw in raws.items()}
     name_width = max(len(row.name) for row in values)
     value_width = max(len(value) for value in values.values() if len(value) <= WIDEST)
     for row, value in values.items():
@@ -69,24 +75,3 @@ def _read_all(servo: BusServo) -> dict[Register[Any], int | None]:
     if not any(raw is not None for raw in raws.values()):
         raise first
     return raws
-
-
-def _sheet_lines(model: type[Model]) -> list[str]:
-    spec = model.sheet
-    low, high = spec.voltage
-    lines = [
-        f"{spec.maker} {model.title}, {model.family.title}",
-        f"{show(spec.angle, 'rad')} in steps of {spec.resolution * 57.29577951:.3f}°, supply {low:g} to {high:g} V",
-    ]
-    lines += [
-        f"at {point.voltage:g} V: {point.stall_torque:.2f} N·m, {show(point.speed, 'rad/s')}"
-        for point in spec.performance
-    ]
-    body = [
-        f"{spec.weight * 1000:g} g" if spec.weight else "",
-        " x ".join(f"{side * 1000:.1f}" for side in spec.size) + " mm" if spec.size else "",
-        f"gear 1:{spec.gear_ratio:g} {spec.gear}".strip(", ") if spec.gear_ratio else "",
-        spec.motor,
-    ]
-    lines += [", ".join(filter(None, body)), spec.link]
-    return lines

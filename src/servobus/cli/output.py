@@ -1,4 +1,4 @@
-"""How results are printed: the same value for people and for programs."""
+"""Printing: results to standard output, notes beside them to standard error."""
 
 import json
 import sys
@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servobus import BusServo
-from servobus.core.registers import Register
-from servobus.core.units import Choice, Flags, Quantity, shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,49 +35,6 @@ def console(*, stderr: bool = False) -> "Console":
 
     stream = sys.stderr if stderr else sys.stdout
     return Console(file=stream, highlight=False, soft_wrap=False, width=None if stream.isatty() else WIDE, emoji=False)
-
-
-def plain(register: Register[Any], raw: int) -> Any:
-    """Give a value for JSON, in the unit people use; the raw integer where it has no meaning."""
-    try:
-        value = register.decode(raw)
-    except ValueError:
-        return raw
-    scale = register.scale
-    if isinstance(scale, Quantity):
-        return shown(value, scale.unit)[0]
-    if isinstance(scale, Choice | Flags):
-        return scale.show(value)
-    return value
-
-
-def unit(register: Register[Any]) -> str:
-    """Give the unit that goes with `plain`; empty for switches, choices and plain numbers."""
-    return shown(0.0, register.unit)[1] if register.unit else ""
-
-
-def text(register: Register[Any], raw: int) -> str:
-    """Write a raw integer as people read it."""
-    try:
-        return register.show(register.decode(raw))
-    except ValueError:
-        return f"raw {raw} (no known meaning)"
-
-
-def entry(register: Register[Any], raw: int) -> dict[str, Any]:
-    """Give one value for JSON."""
-    return {"value": plain(register, raw), "unit": unit(register), "raw": raw}
-
-
-def identity(servo: BusServo) -> dict[str, Any]:
-    """Say for JSON who a servo is."""
-    return {
-        "family": servo.family.name,
-        "model": servo.model.key(),
-        "id": servo.id,
-        "baud": servo.baud,
-        "firmware": servo.firmware,
-    }
 
 
 def warn_alarms(servo: BusServo) -> None:

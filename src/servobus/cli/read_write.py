@@ -7,7 +7,8 @@ import click
 
 from servobus import Bus, BusServo
 from servobus.cli.options import Where, as_json, assignment, find, on_servo, opened, verb
-from servobus.cli.output import entry, note, plain, print_json, text, unit, warn_alarms
+from servobus.cli.output import note, print_json, warn_alarms
+from servobus.core.present import json_value, unit_text, value_entry, value_text
 from servobus.core.registers import Register
 from servobus.errors import BadValue, BusError, UsageError
 from servobus.families.base import Answers
@@ -31,11 +32,11 @@ def read(port: str, id: int, where: Where, names: tuple[str, ...], json: bool) -
         rows = [_readable(servo, name) for name in names]
         raws = servo.read_raw(rows)
     if json:
-        print_json({name: entry(row, raw) for name, row, raw in zip(names, rows, raws, strict=True)})
+        print_json({name: value_entry(row, raw) for name, row, raw in zip(names, rows, raws, strict=True)})
     else:
         width = max(map(len, names))
         for name, row, raw in zip(names, rows, raws, strict=True):
-            click.echo(f"{name:<{width}}  {text(row, raw)}")
+            click.echo(f"{name:<{width}}  {value_text(row, raw)}")
     warn_alarms(servo)
 
 
@@ -77,7 +78,9 @@ def write(port: str, id: int, where: Where, settings: tuple[str, ...], save: boo
         return
     for (row, raw), now in zip(raws.items(), new, strict=True):
         if now != raw:
-            raise BusError(f"{servo.target} did not take {row.name} = {text(row, raw)}: it is {text(row, now)}")
+            raise BusError(
+                f"{servo.target} did not take {row.name} = {value_text(row, raw)}: it is {value_text(row, now)}"
+            )
 
 
 def _readable(servo: BusServo, name: str) -> Register[Any]:
@@ -113,9 +116,9 @@ def _show(raws: dict[Register[Any], int], old: list[int] | None, new: list[int] 
         print_json(
             {
                 row.name: {
-                    "old": plain(row, before[row]) if row in before else None,
-                    "new": plain(row, after[row]),
-                    "unit": unit(row),
+                    "old": json_value(row, before[row]) if row in before else None,
+                    "new": json_value(row, after[row]),
+                    "unit": unit_text(row),
                 }
                 for row in raws
             }
@@ -123,5 +126,5 @@ def _show(raws: dict[Register[Any], int], old: list[int] | None, new: list[int] 
         return
     width = max(len(row.name) for row in raws)
     for row in raws:
-        was = text(row, before[row]) if row in before else "?"
-        click.echo(f"{row.name:<{width}}  {was} -> {text(row, after[row])}")
+        was = value_text(row, before[row]) if row in before else "?"
+        click.echo(f"{row.name:<{width}}  {was} -> {value_text(row, after[row])}")

@@ -1,14 +1,12 @@
 """`ports`, `models`: what is plugged in, and what is known."""
 
-from typing import Any
-
 import click
 
 from servobus import MODELS
 from servobus.cli.options import as_json, verb
 from servobus.cli.output import console, note, print_json
-from servobus.core.units import show, shown
-from servobus.families.base import Model
+from servobus.core.units import show
+from servobus.families.present import model_entry
 
 
 @verb("ports", "servobus ports", "servobus ports --json")
@@ -39,7 +37,7 @@ def _known(text: str | None) -> str:
 def models(json: bool) -> None:
     """List the models known here, with the data of their makers."""
     if json:
-        print_json([sheet(model) for model in MODELS.values()])
+        print_json([model_entry(model) for model in MODELS.values()])
         return
     from rich.table import Table  # noqa: PLC0415 - rich is slow to import and not always wanted
 
@@ -58,33 +56,3 @@ def models(json: bool) -> None:
         )
     console().print(table)
     note("`servobus registers NAME` shows what a model can be asked and told")
-
-
-def sheet(model: type[Model]) -> dict[str, Any]:
-    """Give the maker's specification for JSON, in the units people use."""
-    spec = model.sheet
-    return {
-        "name": model.key(),
-        "model": model.title,
-        "maker": spec.maker,
-        "family": model.family.name,
-        "number": model.number,
-        "bauds": sorted(model.family.bauds),
-        "default_baud": model.family.default_baud,
-        "angle": {"value": shown(spec.angle, "rad")[0], "unit": "°"},
-        "resolution": {"value": shown(spec.resolution, "rad")[0], "unit": "°"},
-        "voltage": {"value": list(spec.voltage), "unit": "V"},
-        "temperature": {"value": list(spec.temperature), "unit": "°C"} if spec.temperature else None,
-        "weight": {"value": round(spec.weight * 1000, 3), "unit": "g"} if spec.weight else None,
-        "size": {"value": [round(side * 1000, 3) for side in spec.size], "unit": "mm"} if spec.size else None,
-        "gear_ratio": spec.gear_ratio,
-        "performance": [
-            {
-                "voltage": {"value": point.voltage, "unit": "V"},
-                "stall_torque": {"value": round(point.stall_torque, 3), "unit": "N·m"},
-                "speed": {"value": shown(point.speed, "rad/s")[0], "unit": "°/s"},
-            }
-            for point in spec.performance
-        ],
-        "link": spec.link,
-    }

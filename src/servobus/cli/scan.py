@@ -10,6 +10,7 @@ from servobus import Bus
 from servobus.cli.options import Where, as_json, id_list, on_port, opened, verb
 from servobus.cli.output import console, note, print_json
 from servobus.core.ids import LAST_ID
+from servobus.families.present import servo_entry
 from servobus.jobs.scan import FoundServo, ScanProblem, ScanProgress, ScanResult
 from servobus.jobs.scan import scan as scan_procedure
 
@@ -60,7 +61,7 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     found, troubles = survey.found, survey.troubles
     _tell(troubles, found)
     if json:
-        print_json([_entry(one) for one in found])
+        print_json([servo_entry(one.family, one.model, one.id, one.baud, one.identity.firmware) for one in found])
     elif not found:
         hint = "are they powered?" if where.baud == "all" else "are they powered? `--baud all` tries every speed"
         note(f"no servo answers (asked ids {ids}: {where}); {hint}")
@@ -74,16 +75,6 @@ def _tell(troubles: list[ScanProblem], found: list[FoundServo]) -> None:
     if more > 0:
         cause = " servos of another family or speed that heard what was not meant for them?" if found else ""
         note(f"servobus: and {more} more unclear answers;{cause} `--family` asks one family alone")
-
-
-def _entry(found: FoundServo) -> dict[str, object]:
-    return {
-        "family": found.family.name,
-        "model": found.model.key() if found.model else None,
-        "id": found.id,
-        "baud": found.baud,
-        "firmware": found.identity.firmware,
-    }
 
 
 def _line(bus: Bus, found: FoundServo) -> str:

@@ -41,6 +41,16 @@ class Finding:
     cause: str = ""
     mend: tuple[str, ...] = ()
 
+    def entry(self) -> dict[str, object]:
+        """Give it for JSON."""
+        return {
+            "level": str(self.level),
+            "check": self.check,
+            "what": self.what,
+            "cause": self.cause,
+            "mend": list(self.mend),
+        }
+
 
 def command(verb: str, port: str, *words: object) -> str:
     """Write a command of ours as a shell takes it; empty words are left out."""

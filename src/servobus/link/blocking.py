@@ -1,24 +1,24 @@
 """Letting time pass, the blocking way: how the steps of a job get their waits.
 
-`Bus` lives on it. An `AsyncBus` comes here where its event loop may be stuck: to make its servos safe.
+`Bus` carries out its jobs with it. An `AsyncBus` uses it in a thread beside the event loop, to make its servos safe.
 """
 
-import threading
 from typing import TypeVar
 
 from servobus.link.link import Link, Receive, Waits
+from servobus.link.ownership import LineOwnership, Turn
 from servobus.transports.base import Transport
 
 T = TypeVar("T")
 
 SLICE = 0.05
-"""s after which one who rests looks whether the line was taken from him."""
+"""s after which a pause looks whether the line was taken over: a stop must not wait for the end of a long pause."""
 
 
-def run_blocking(link: Link, waits: Waits[T], lock: "threading.RLock | None" = None) -> T:
+def run_blocking(link: Link, waits: Waits[T], line: LineOwnership, turn: Turn) -> T:
     """Wait as asked until the job is done; give its result.
 
-    `lock` is let go where others may use the line. Raises Stopped if the line was taken over meanwhile.
+    In shared pauses the turn gives way. Raises Stopped if the line was taken over meanwhile.
     """
     transport = link.transport
     heard = b""
@@ -27,12 +27,10 @@ def run_blocking(link: Link, waits: Waits[T], lock: "threading.RLock | None" = N
         while True:
             if isinstance(wait, Receive):
                 heard = transport.read(wait.seconds)
-            elif lock is not None and wait.shared:
-                lock.release()
-                try:
-                    _rest(link, transport, wait.seconds)
-                finally:
-                    lock.acquire()
+            elif wait.shared:
+                line.give_way(turn)
+                _rest(link, transport, wait.seconds)
+                line.acquire(turn)
             else:
                 _rest(link, transport, wait.seconds)
             link.check()

@@ -9,8 +9,7 @@ import contextlib
 import os
 import signal
 import threading
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from types import FrameType
 from typing import Protocol, TypeVar
@@ -22,6 +21,7 @@ from servobus.families.record import SafeAction, ServoRecord
 from servobus.jobs.make_safe import make_safe
 from servobus.link.blocking import run_blocking
 from servobus.link.link import Link
+from servobus.link.ownership import LineOwnership, Turn
 from servobus.safety.watchdog import Watchdog
 from servobus.transports.base import Transport
 
@@ -54,155 +54,155 @@ def check_safe_action(action: SafeAction, targets: Iterable[ServoRef]) -> SafeAc
     return action
 
 
-class SafeStop(ABC):
-    """What a driver does so that no servo is left alone in motion."""
+class SafeStop:
+    """What a bus does so that no servo is left alone in motion: `bus.safety`.
 
-    transport: Transport
-    link: Link
+    servos     gives the known servos
+    take_over  has the line for a stop, whatever uses it: a context that gives the link and the turn
+    """
 
-    def __init__(self, safe_action: SafeAction | None) -> None:
-        self._safe_action = None if safe_action is None else check_safe_action(safe_action, ())
-        self._watch: Watchdog | None = None
-        self._watch_action: SafeAction | None = None
+    def __init__(
+        self,
+        transport: Transport,
+        servos: Callable[[], Sequence[Joint]],
+        take_over: Callable[[bool], AbstractContextManager[tuple[Link, LineOwnership, Turn]]],
+        safe_action: SafeAction | None,
+    ) -> None:
+        self._transport, self._servos, self._take_over = transport, servos, take_over
+        self._action = None if safe_action is None else check_safe_action(safe_action, ())
+        self._watchdog: Watchdog | None = None
+        self._watchdog_action: SafeAction | None = None
         self._ending = False
         """Whether the servos are made safe for good: the port is about to be closed."""
         self._making_safe = threading.RLock()
 
     @property
-    def safe_action(self) -> SafeAction:
-        """Safe action of all servos on this bus; setting it sets that of the known ones and of all still to be found.
+    def action(self) -> SafeAction:
+        """Safe action of all servos; setting it sets that of the known ones and of all still to be found.
 
         Raises UsageError if a known servo cannot do it. One that is found later and cannot is not moved.
         """
-        return self._safe_action or "hold"
+        return self._action or "hold"
 
-    @safe_action.setter
-    def safe_action(self, action: SafeAction) -> None:
-        self._safe_action = check_safe_action(action, [joint.target for joint in self._joints()])
-        for joint in self._joints():
-            joint.notes.safe_action = action
+    @action.setter
+    def action(self, action: SafeAction) -> None:
+        self._action = check_safe_action(action, [servo.target for servo in self._servos()])
+        for servo in self._servos():
+            servo.notes.safe_action = action
 
     @property
-    def watching(self) -> Watchdog | None:
-        """The watch that `watch` has begun and nobody has ended; None if there is none."""
-        return self._watch
+    def chosen(self) -> SafeAction | None:
+        """Safe action that was chosen for all servos; None if none was."""
+        return self._action
 
-    def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> Watchdog:
-        """Guard streamed motion: make the servos safe if nothing is heard of this program for `timeout` s.
+    # The watchdog
 
-        Each command of motion on this bus feeds the watch, waiting for a move does, and `feed()`. If none comes in
-        time, a thread of its own runs `action`, or each servo's safe action, once, even while the program is stuck or
-        another thread has the line. Then commands of motion raise Stopped until `reset()` or `stop()` of what is given
-        here, and so does waiting for a move. Servos that this bus has not switched on or set in motion are left alone,
-        and as long as there is none nothing trips.
+    @property
+    def watchdog(self) -> Watchdog | None:
+        """The watchdog that `watch` has begun and nothing has ended; None if there is none."""
+        return self._watchdog
 
-        Real time is what counts; on a port with a virtual clock a watch is a UsageError.
-        """
-        if not self.transport.blocking():
-            raise UsageError(f"{self.transport.name}: its clock is virtual, and a watch guards against real delays")
-        if self._watch is not None:
-            raise UsageError(f"this bus has a watch already, {self._watch!r}; `watching.stop()` of the bus ends it")
+    def watch(self, timeout: float, action: SafeAction | None) -> Watchdog:
+        """Begin to guard streamed motion; see `Bus.watch`. Raises UsageError."""
+        if not self._transport.blocking():
+            raise UsageError(f"{self._transport.name}: its clock is virtual, and a watch guards against real delays")
+        if self._watchdog is not None:
+            raise UsageError(f"this bus has a watch already, {self._watchdog!r}; `watching.stop()` of the bus ends it")
         if action is not None:
-            check_safe_action(action, [joint.target for joint in self._joints()])
-        self._watch_action = action
-        self._watch = Watchdog(timeout, self._watch_tripped, self._drives, ended=self._watch_ended)
-        return self._watch
+            check_safe_action(action, [servo.target for servo in self._servos()])
+        self._watchdog_action = action
+        self._watchdog = Watchdog(timeout, self._watchdog_tripped, self.drives, ended=self._watchdog_ended)
+        return self._watchdog
 
-    def make_safe(self, action: SafeAction | None = None, *, interrupt: bool = False) -> None:
-        """Run the safe action, or this one, of each servo that this bus has switched on or set in motion.
+    def drives(self) -> bool:
+        """Tell whether this bus has switched a servo on or set it in motion, and nothing has ended that since."""
+        return any(servo.notes.driven for servo in self._servos())
 
-        Blocks until it is done. Each is tried even if another fails; what fails is told through `logging`.
-        `interrupt` takes the line at once from whoever has it.
-        """
-        self._make_safe(self._joints(), action, interrupt=interrupt)
-
-    # What a driver adds
-
-    @abstractmethod
-    def _joints(self) -> Sequence[Joint]:
-        """Give the known servos."""
-
-    @abstractmethod
-    def _take_over(self, *, interrupt: bool) -> AbstractContextManager[Link]:
-        """Have the line: wait for whoever uses it, then interrupt him, then go ahead all the same."""
-
-    # What it does
-
-    def _secure(self, joints: Sequence[J]) -> list[J]:
-        """Make those servos safe for which somebody chose how; give the others."""
-        self._make_safe([joint for joint in joints if joint.notes.safe_action], None, interrupt=True)
-        return [joint for joint in joints if not joint.notes.safe_action]
-
-    def _make_safe(self, joints: Sequence[Joint], action: SafeAction | None, *, interrupt: bool) -> None:
-        failed: dict[str, Exception] = {}
-        with self._making_safe, _undisturbed():
-            if not any(joint.notes.driven for joint in joints):
-                return
-            with self._take_over(interrupt=interrupt) as link:
-                for joint in (*joints, *joints):  # what interrupted us may have left the line in disorder
-                    if not joint.notes.driven:
-                        continue
-                    try:
-                        run_blocking(link, link.run(_safe(joint, action)))
-                    except Exception as error:  # noqa: BLE001 - whatever it is, the next servo must have its turn
-                        failed[str(joint.target)] = error
-                    else:
-                        failed.pop(str(joint.target), None)
-        for who, why in failed.items():
-            _tell(f"{self.transport.name}: {who} may still move: {why}")
-
-    def _about_to_move(self, joint: Joint) -> None:
-        """Hear of a command of motion before it goes out. Raises Stopped or UsageError if it must not."""
+    def about_to_move(self, servo: Joint) -> None:
+        """Take note of a command of motion before it goes out. Raises Stopped or UsageError if it must not."""
         if self._ending:
-            raise Stopped(f"{joint.target}: the bus is being closed and its servos were made safe")
-        check_safe_action(joint.safe_action, [joint.target])
-        if self._watch is not None:
-            if self._watch_action is not None:
-                check_safe_action(self._watch_action, [joint.target])
-            self._watch.feed()
-        if self.transport.blocking():  # servos on a virtual clock end with this process
+            raise Stopped(f"{servo.target}: the bus is being closed and its servos were made safe")
+        check_safe_action(servo.safe_action, [servo.target])
+        if self._watchdog is not None:
+            if self._watchdog_action is not None:
+                check_safe_action(self._watchdog_action, [servo.target])
+            self._watchdog.feed()
+        if self._transport.blocking():  # servos on a virtual clock end with this process
             _arm(self)
 
-    def _kept_alive(self) -> None:
-        """Hear that the program is alive and cares for what it moves. Raises Stopped if nothing is to move."""
+    def keep_alive(self) -> None:
+        """Take note that the program is alive and watches what it moves. Raises Stopped if nothing is to move."""
         if self._ending:
-            raise Stopped(f"{self.transport.name}: the bus is being closed and its servos were made safe")
-        if self._watch is not None:
-            self._watch.feed()
+            raise Stopped(f"{self._transport.name}: the bus is being closed and its servos were made safe")
+        if self._watchdog is not None:
+            self._watchdog.feed()
 
-    def _crashed(self, error: BaseException | None) -> bool:
-        """Tell whether a `with` block ended by accident: sys.exit(0) is none."""
-        return error is not None and not (isinstance(error, SystemExit) and not error.code)
+    # The stop
 
-    def _end(self, *, safe: bool) -> None:
+    def make_safe(
+        self, action: SafeAction | None = None, servos: Sequence[Joint] | None = None, *, interrupt: bool = False
+    ) -> None:
+        """Run the safe action, or this one, of each of these servos (all by default) that this bus drives.
+
+        Blocks until it is done. Each is tried even if another fails; what fails is told through `logging`.
+        `interrupt` takes the line at once from whatever has it.
+        """
+        wanted = list(self._servos() if servos is None else servos)
+        failed: dict[str, Exception] = {}
+        with self._making_safe, _undisturbed():
+            if not any(servo.notes.driven for servo in wanted):
+                return
+            with self._take_over(interrupt) as (link, line, turn):
+                for servo in (*wanted, *wanted):  # what was interrupted may have left the line in disorder
+                    if not servo.notes.driven:
+                        continue
+                    try:
+                        run_blocking(link, link.run(_safe(servo, action)), line, turn)
+                    except Exception as error:  # noqa: BLE001 - whatever it is, the next servo must have its turn
+                        failed[str(servo.target)] = error
+                    else:
+                        failed.pop(str(servo.target), None)
+        for who, why in failed.items():
+            _tell(f"{self._transport.name}: {who} may still move: {why}")
+
+    def secure(self, servos: Sequence[J]) -> list[J]:
+        """Make those servos safe whose safe action was chosen; give the others."""
+        self.make_safe(servos=[servo for servo in servos if servo.notes.safe_action], interrupt=True)
+        return [servo for servo in servos if not servo.notes.safe_action]
+
+    # The end
+
+    def end(self, *, safe: bool) -> None:
         """Leave the servos: as they are, or made safe."""
-        if self._watch is not None and not safe:
-            self._watch.stop()
+        if self._watchdog is not None and not safe:
+            self._watchdog.stop()
         if safe:
             self._ending = True
             self.make_safe(interrupt=True)
-            if self._watch is not None:
-                self._watch.stop()
+            if self._watchdog is not None:
+                self._watchdog.stop()
         _disarm(self)
 
-    def _drives(self) -> bool:
-        return any(joint.notes.driven for joint in self._joints())
+    def after_reopen(self) -> None:
+        """Do on a port that is open again what could not be done when the watchdog tripped."""
+        if self._watchdog is not None and self._watchdog.tripped:
+            self.make_safe(self._watchdog_action, interrupt=True)
 
-    def _after_trip(self) -> None:
-        """Do on a port that is open again what could not be done when the watch tripped."""
-        if self._watch is not None and self._watch.tripped:
-            self.make_safe(self._watch_action, interrupt=True)
+    def _watchdog_tripped(self) -> None:
+        self.make_safe(self._watchdog_action)
 
-    def _watch_tripped(self) -> None:
-        self.make_safe(self._watch_action)
-
-    def _watch_ended(self) -> None:
-        self._watch = None
+    def _watchdog_ended(self) -> None:
+        self._watchdog = None
 
 
-def _safe(joint: Joint, action: SafeAction | None) -> Procedure[None]:
-    yield SetBaud(joint.baud)
-    yield from make_safe(joint.target, action or joint.safe_action)
+def crashed(error: BaseException | None) -> bool:
+    """Tell whether a `with` block ended by accident: sys.exit(0) is none."""
+    return error is not None and not (isinstance(error, SystemExit) and not error.code)
+
+
+def _safe(servo: Joint, action: SafeAction | None) -> Procedure[None]:
+    yield SetBaud(servo.baud)
+    yield from make_safe(servo.target, action or servo.safe_action)
 
 
 def _tell(text: str) -> None:
@@ -231,27 +231,27 @@ def _undisturbed() -> Iterator[None]:
 # The end of the program
 
 _armed: set[SafeStop] = set()
-"""Buses that have set something in motion and are open."""
+"""Those of the buses that have set something in motion and are open."""
 _owner = 0
 """Process that did so: a fork of it has no servos."""
 
 
-def _arm(bus: SafeStop) -> None:
+def _arm(stop: SafeStop) -> None:
     """Have the servos of this bus made safe when the program ends, unless the bus is closed before."""
     global _owner  # noqa: PLW0603 - it belongs to the process
-    if bus in _armed:
+    if stop in _armed:
         return
     if not _owner:
         atexit.register(_make_all_safe)
     _owner = os.getpid()
-    _armed.add(bus)
+    _armed.add(stop)
     # By default SIGTERM ends Python without any cleaning up.
     if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _terminate)
 
 
-def _disarm(bus: SafeStop) -> None:
-    _armed.discard(bus)
+def _disarm(stop: SafeStop) -> None:
+    _armed.discard(stop)
     if (
         not _armed
         and threading.current_thread() is threading.main_thread()
@@ -267,5 +267,5 @@ def _terminate(_signal: int, _frame: FrameType | None) -> None:
 def _make_all_safe() -> None:
     """Do what was left undone, at the very end."""
     if os.getpid() == _owner:
-        for bus in list(_armed):
-            bus._end(safe=True)
+        for stop in list(_armed):
+            stop.end(safe=True)

@@ -84,7 +84,7 @@ class ServoTraffic:
     latencies: Counter[int] = field(default_factory=Counter)
 
     @property
-    def everybody(self) -> bool:
+    def broadcast(self) -> bool:
         return self.id == BROADCAST
 
     @property

@@ -3,71 +3,26 @@
     # servobus recording 1 {"port": "/dev/ttyUSB0", "baud": 57600, "family": null, "model": null, "started": "..."}
     0.001042 > FF FF 01 04 02 24 02 D2          bytes to the servos
     0.002314 < FF FF 01 04 00 00 02 F8          bytes from the servos
-    0.512000 - FF FF 01 02 01 FB                bytes that were heard, nobody knows from whom
+    0.512000 - FF FF 01 02 01 FB                bytes that were heard; from where is not known
     1.204310 = 1000000                          from here on the speed is another
     9.730125 .                                  the end: up to here the line was watched
 
 Times are seconds since the beginning. A line without a line end was cut off when the power or the program went; it
-is left out. No port, no clock.
+is left out. No port, no clock. The values of the lines are those that a tap tells (servobus.transports.tap).
 """
 
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
-from enum import StrEnum
-from typing import Any, TypeAlias
+from pathlib import Path
+from typing import Any, Self
 
-from servobus.errors import UsageError
+from servobus.errors import ServobusError, UsageError
+from servobus.transports.tap import DIGITS, Chunk, Direction, End, Entry, Speed
 
 MAGIC = "# servobus recording "
 FORMAT = 1
-DIGITS = 6
-"""Decimals of a time: microseconds."""
-
-
-class Direction(StrEnum):
-    """Where bytes went."""
-
-    OUT = ">"
-    IN = "<"
-    UNKNOWN = "-"
-
-
-@dataclass(frozen=True, slots=True)
-class Chunk:
-    """Bytes that came together; `time` in s. It is kept to the microsecond, so that a recording has the same."""
-
-    time: float
-    direction: Direction
-    data: bytes
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "time", round(self.time, DIGITS))
-
-
-@dataclass(frozen=True, slots=True)
-class Speed:
-    """The line's speed from here on, bit/s."""
-
-    time: float
-    baud: int
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "time", round(self.time, DIGITS))
-
-
-@dataclass(frozen=True, slots=True)
-class End:
-    """Nothing more came until this time, and then nobody watched any more."""
-
-    time: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "time", round(self.time, DIGITS))
-
-
-Entry: TypeAlias = Chunk | Speed | End
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +47,50 @@ class Recording:
     header: Header
     entries: tuple[Entry, ...]
     cut: bool = False
+
+
+class RecordingFile:
+    """A recording that is being written. No buffer holds entries back: what was told is there, whatever happens.
+
+    Raises UsageError for a file that is there already. If the disk is full or the file gone, the recording ends there
+    and nothing else does: `failure` says why, and `on_failure` is told once.
+    """
+
+    def __init__(
+        self, path: Path, header: Header, on_failure: Callable[[ServobusError], object] = lambda _: None
+    ) -> None:
+        self.failure: ServobusError | None = None
+        self._path, self._on_failure = path, on_failure
+        try:
+            self._file = path.open("xb", buffering=0)
+        except FileExistsError:
+            raise UsageError(f"{path} exists already and is not replaced; choose another name") from None
+        self._write(header.line())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def write(self, entry: Entry) -> None:
+        """Append an entry."""
+        self._write(line(entry))
+
+    def close(self) -> None:
+        self._file.close()
+
+    def _write(self, text: str) -> None:
+        if self.failure is not None:
+            return
+        data = text.encode("ascii")
+        try:
+            why = "the disk is full" if (self._file.write(data) or 0) < len(data) else ""
+        except OSError as error:
+            why = error.strerror or str(error)
+        if why:
+            self.failure = ServobusError(f"{self._path}: {why}; the recording ends early, and can be read up to there")
+            self._on_failure(self.failure)
 
 
 def line(entry: Entry) -> str:
@@ -169,3 +168,21 @@ def _entry(time: float, mark: str, what: str) -> Entry:
     if not (data := bytes.fromhex(what)):
         raise ValueError("no bytes")
     return Chunk(time, Direction(mark), data)
+
+
+__all__ = [
+    "DIGITS",
+    "FORMAT",
+    "MAGIC",
+    "Chunk",
+    "Direction",
+    "End",
+    "Entry",
+    "Header",
+    "Recording",
+    "RecordingFile",
+    "Speed",
+    "is_recording",
+    "line",
+    "parse",
+]

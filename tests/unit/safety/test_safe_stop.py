@@ -13,7 +13,7 @@ if sys.platform == "win32":
     pytest.skip("no pseudo terminals on Windows", allow_module_level=True)
 
 import servobus
-from servobus import DRS0602, LX16A, MODELS, RX28, BusError, Stopped, TorqueOff, UsageError, deg
+from servobus import DRS0602, LX16A, MODELS, RX28, Stopped, TorqueOff, UsageError, deg
 from servobus.bus.asyncio import AsyncBus
 from servobus.bus.blocking import Bus
 from servobus.link.blocking import run_blocking
@@ -436,8 +436,8 @@ def test_whoever_takes_the_line_over_waits_for_what_is_under_way() -> None:
     bus = Bus(port, echo=False)
     question = bus.attach(RX28, 1)._question(RX28.present_temperature)
     port.write(question.request)
-    with bus._take_over(interrupt=True) as link:
-        assert run_blocking(link, link.transact(question)) == 33.0
+    with bus._take_over(True) as (link, line, turn):
+        assert run_blocking(link, link.transact(question), line, turn) == 33.0
 
 
 def test_nothing_moves_any_more_once_the_bus_ends() -> None:
@@ -458,7 +458,7 @@ def test_a_restarted_servo_is_not_woken_by_a_goal() -> None:
     real = bus.transport.servos[0]
     real.power_off()
     real.power_on(bus.transport.now())
-    with pytest.raises(BusError, match="has lost what was set in it"):
+    with pytest.raises(servobus.Restarted, match="has lost what was set in it"):
         servo.verify()
     for move in (
         lambda: servo.write(RX28.goal_position, 1.0),

@@ -184,7 +184,7 @@ def test_what_nobody_answers_is_not_missing() -> None:
     quiet = [SYNC, GOLDEN["dynamixel", "ex20_action"], GOLDEN["dynamixel", "ex2_broadcast_id"]]
     assert troubles(watch([(n, ">", one) for n, one in enumerate(quiet)], tracker)) == []
     assert tracker.pass_time(10.0) == []
-    assert only(tracker).everybody
+    assert only(tracker).broadcast
     assert (only(tracker).requests, only(tracker).error_rate) == (3, None)
     moves = [GOLDEN["lewansoul", "move_time_write"], GOLDEN["lewansoul", "move_start_broadcast"]]
     assert troubles(watch([(n, ">", one) for n, one in enumerate(moves)])) == []

@@ -1,7 +1,7 @@
 """The firmware of servos with Dynamixel protocol 1.0, as the RX-28 manual describes it.
 
-Section numbers are those of the RX-28 user's manual, ED entries and D numbers those of this project's
-notes in docs/decisions.md.
+Section numbers are those of the RX-28 user's manual, ED entries those of docs/decisions.md, D numbers
+those of docs/behaviours.md.
 """
 
 import math

@@ -1,7 +1,7 @@
 """The firmware of HerkuleX servos, as the DRS-0602 manual describes it.
 
-Section and register (NO) numbers are those of the DRS-0602 user's manual, EH entries and H numbers those of
-this project's notes in docs/decisions.md.
+Section and register (NO) numbers are those of the DRS-0602 user's manual, EH entries those of
+docs/decisions.md, H numbers those of docs/behaviours.md.
 
 Positions are counted in steps, 15 bits, from 0 to 32767 (NO 53 to 59; other drivers mask them with 0x7FFF,
 EH-35). A shaft that turns past either end comes in again at the other. What the servo calls its position

@@ -1,7 +1,7 @@
 """HerkuleX: requests and ACKs of the DRS-0602, and what one can ask with them.
 
 Source: DRS-0602 user's manual, chapters 4 to 6; errata EH-01 to EH-42 of this project's notes in
-docs/decisions.md, behaviours H-1 to H-121 of its conformance tests.
+docs/decisions.md, behaviours H-1 to H-121 of docs/behaviours.md.
 
     FF FF  size  id  command         check1  check2  data ...                         size counts every byte
     FF FF  size  id  command + 0x40  check1  check2  data ... status error, status detail

@@ -1,7 +1,7 @@
 """The firmware of LewanSoul bus servos, as the maker's protocol document ("manual") describes it.
 
-Points and replies are those of the manual's section 4, EL entries and L numbers those of this project's
-notes in docs/decisions.md.
+Points and replies are those of the manual's section 4, EL entries those of docs/decisions.md, L numbers
+those of docs/behaviours.md.
 
 The manual says little about motion and torque together. What holds here beside the L numbers, all of it
 assumption:

@@ -1,7 +1,7 @@
 """LewanSoul (later Hiwonder) bus servos: commands and answers, and what one can ask with them.
 
-Source: the protocol document of the maker ("manual"); errata EL-01 to EL-21 and behaviours L-1 to L-78 of
-this project's notes in docs/decisions.md.
+Source: the protocol document of the maker ("manual"); errata EL-01 to EL-21 of this project's notes in
+docs/decisions.md, behaviours L-1 to L-78 of docs/behaviours.md.
 
     55 55  id  length  command  parameters ...  checksum
     length = parameters + 3                     checksum = ~(id + length + command + parameters) & FF

@@ -5,6 +5,7 @@ faster than real time, and twice the same is the same to the byte.
 """
 
 import math
+import threading
 import time
 
 from servobus.errors import BadValue, PortError, PortLost
@@ -33,45 +34,54 @@ class VirtualPort(Transport):
         self._started = time.monotonic()
         self._open = True
         self._gone = False
+        self._changed = threading.Condition(threading.RLock())
+        """Held by the thread that lets something happen on the line; on the real clock several may use the port. What
+        is written wakes a thread that reads: its next look may be sooner now."""
         self.set_baud(rig.default_baud)
 
     @property
     def servos(self) -> list[VirtualServo]:
         """The servos, up to date."""
-        self.rig.advance(self.now())
-        return self.rig.servos
+        with self._changed:
+            self.rig.advance(self.now())
+            return self.rig.servos
 
     def inject(self, faults: Faults | str | None) -> None:
         """Let these faults happen from now on; None mends everything. Raises BadValue."""
-        self.rig.inject(faults, self.now())
-        self._tell_latency()
+        with self._changed:
+            self.rig.inject(faults, self.now())
+            self._tell_latency()
 
     def write(self, data: bytes) -> None:
-        self._check()
-        self.rig.send(data, self.now())
-        self._check()
+        with self._changed:
+            self._check()
+            self.rig.send(data, self.now())
+            self._check()
+            self._changed.notify_all()
 
     def read(self, timeout: float) -> bytes:
-        self._check()
-        now = self.now()
-        deadline = now + timeout
-        while True:
-            data = self.rig.receive(now)
+        with self._changed:
             self._check()
-            if data:
-                return data
-            if now >= deadline:
-                return b""
-            look = self.rig.next_look(GRAIN if self._real else math.inf)
-            if look is not None and -math.inf < look <= now:
-                look = max(now + EPSILON, math.nextafter(now, math.inf))  # after months a bit time is a rounding error
-            now = self._wait_until(deadline if look is None else min(look, deadline))
+            now = self.now()
+            deadline = now + timeout
+            while True:
+                data = self.rig.receive(now)
+                self._check()
+                if data:
+                    return data
+                if now >= deadline:
+                    return b""
+                look = self.rig.next_look(GRAIN if self._real else math.inf)
+                if look is not None and -math.inf < look <= now:
+                    look = max(now + EPSILON, math.nextafter(now, math.inf))  # after months a bit time rounds to 0
+                now = self._wait_until(deadline if look is None else min(look, deadline))
 
     def set_baud(self, baud: int) -> None:
         if baud <= 0:
             raise BadValue(f"{baud} is not a speed in baud")
-        self.baud = baud
-        self.rig.client_baud = baud
+        with self._changed:
+            self.baud = baud
+            self.rig.client_baud = baud
 
     def close(self) -> None:
         self._open = False
@@ -90,15 +100,17 @@ class VirtualPort(Transport):
     def sleep(self, seconds: float) -> None:
         if seconds <= 0:
             return
-        now = self._wait_until(self.now() + seconds)
         if self._real:
-            self.rig.run(now)
+            time.sleep(seconds)  # without the line: others may use it meanwhile
+            with self._changed:
+                self.rig.run(self.now())
         else:
+            now = self._wait_until(self.now() + seconds)
             self.rig.advance(now)  # what a test changes from here on must not act on the time that has passed
 
     def _wait_until(self, moment: float) -> float:
         if self._real:
-            time.sleep(max(moment - self.now(), 0))
+            self._changed.wait(max(moment - self.now(), 0))
             return self.now()
         self._now = max(self._now, moment)
         return self._now

@@ -6,12 +6,9 @@
 Both are context managers that `serve` one rig in real time until they are told to stop.
 """
 
-import errno
 import itertools
-import os
 import select
 import socket
-import sys
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -21,13 +18,8 @@ from pathlib import Path
 from typing import Self
 
 from servobus.errors import PortError
-from servobus.transports.symlink import claimed
+from servobus.transports.pty import PseudoTerminal
 from servobus.virtual.serve.rig import Rig
-
-if sys.platform != "win32":
-    import fcntl
-    import termios
-    import tty
 
 GRAIN = 200e-6
 """s; bytes that are due within this time of each other go out in one piece."""
@@ -35,8 +27,6 @@ PULSE = 0.02
 """s after which a request to stop is noticed, and resting servos are looked after, at the latest."""
 SPARE = 0.0005
 """s that looking after servos may take at once: a request that comes meanwhile waits no longer."""
-LOOKOUT = 0.005
-"""s between two looks whether somebody has opened the pseudo terminal."""
 CHUNK = 4096
 
 
@@ -110,104 +100,24 @@ class Port(ABC):
         """Give the speed that the client talks at; None if there is no such thing."""
 
 
-class Terminal:
-    """A pseudo terminal. It passes bytes at once; the speed that its client sets can be read."""
-
-    name: str
-
-    def __init__(self, baud: int, link: Path | None = None) -> None:
-        self._link = link
-        self._master = -1
-        self._client = False
-        """Whether somebody has the terminal open."""
-        self._first_baud = baud
-        self._last_baud: float = baud
-
-    def _open(self, stack: ExitStack) -> None:
-        if sys.platform == "win32":
-            raise PortError("there are no pseudo terminals on Windows; use --tcp")
-        try:
-            self._master, slave = os.openpty()
-        except OSError as error:
-            raise PortError(f"no pseudo terminal: {error.strerror or error}; use --tcp") from error
-        self._client = False
-        stack.callback(os.close, self._master)
-        stack.callback(os.close, slave) if not _TELLS_LEAVING else None
-        os.set_blocking(self._master, False)
-        self._terminal = self.name = os.ttyname(slave)
-        self._prepare(slave)
-        if _TELLS_LEAVING:
-            os.close(slave)
-        if self._link is not None:
-            stack.enter_context(claimed(self._link, self._terminal))
-            self.name = str(self._link)
-
-    def _wait(self, timeout: float) -> bytes:
-        if not select.select([self._master], [], [], timeout)[0]:
-            self._client = True  # without one, the terminal says so at once
-            return b""
-        try:
-            data = os.read(self._master, CHUNK)
-        except BlockingIOError:
-            return b""  # the client took back what it had written (tcflush)
-        except OSError as error:
-            if error.errno != errno.EIO:
-                raise PortError(f"{self.name}: {error.strerror or error}") from error
-            data = b""
-        if data:
-            self._client = True
-            return data
-        if self._client:
-            self._client = False
-            self._forget_client()
-        time.sleep(min(timeout, LOOKOUT))
-        return b""
-
-    def _send(self, data: bytes) -> None:
-        if not self._client:
-            return
-        try:
-            os.write(self._master, data)
-        except BlockingIOError:
-            pass  # the client reads nothing: a real port's buffer overruns too
-        except OSError as error:
-            if error.errno != errno.EIO:
-                raise PortError(f"{self.name}: {error.strerror or error}") from error
-
-    def _baud(self) -> float | None:
-        baud = _terminal_baud(self._master)
-        if baud:  # 0 means hang up
-            self._last_baud = baud
-        return self._last_baud
-
-    def _forget_client(self) -> None:
-        """Drop what this client did not read.
-
-        Its settings stay, as on a real port. The next client may be there already: it has been sent
-        nothing yet, but what it has sent or set must not be touched.
-        """
-        if sys.platform != "win32":
-            slave = os.open(self._terminal, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-            try:
-                termios.tcflush(slave, termios.TCIFLUSH)
-            finally:
-                os.close(slave)
-
-    def _prepare(self, slave: int) -> None:
-        """Pass bytes as they are, at the factory speed for clients that set none."""
-        if sys.platform != "win32":
-            tty.setraw(slave)  # no echo, no line ends, no signals
-            settings = termios.tcgetattr(slave)
-            settings[4] = settings[5] = getattr(termios, f"B{self._first_baud}", settings[4])
-            termios.tcsetattr(slave, termios.TCSANOW, settings)
-
-
-class PtyPort(Terminal, Port):
+class PtyPort(Port):
     """Servos behind a pseudo terminal; the client's speed setting is read, and must be right."""
 
     def __init__(self, rig: Rig, link: Path | None = None) -> None:
-        Port.__init__(self, rig)
-        Terminal.__init__(self, rig.default_baud, link)
+        super().__init__(rig)
+        self._terminal = PseudoTerminal(rig.default_baud, link)
+
+    def _open(self, stack: ExitStack) -> None:
+        self.name = stack.enter_context(self._terminal).name
+
+    def _wait(self, timeout: float) -> bytes:
+        return self._terminal.read(timeout)
+
+    def _send(self, data: bytes) -> None:
+        self._terminal.write(data)
+
+    def _baud(self) -> float | None:
+        return self._terminal.baud()
 
 
 class TcpPort(Port):
@@ -289,33 +199,3 @@ def serve_tcp(rig: Rig, host: str, port: int, stop: threading.Event, ready: Call
     with TcpPort(rig, host, port) as served:
         ready(served.name)
         served.serve(stop)
-
-
-_TELLS_LEAVING = sys.platform == "linux"
-"""Whether reading fails while no client has the terminal open, and the settings outlive the clients.
-
-Elsewhere the terminal would go back to its cooked state with each client that leaves, so it is held open.
-"""
-
-_TCGETS2 = 0x802C542A
-"""Linux ioctl (asm-generic/termbits.h): the settings with the speeds as plain numbers, any speed."""
-_TERMIOS2_SIZE = 44
-
-
-def _terminal_baud(terminal: int) -> float:
-    """Read the speed set on a terminal; 0 if there is none."""
-    if sys.platform == "win32":
-        return 0.0
-    if sys.platform == "linux":
-        settings = bytearray(_TERMIOS2_SIZE)
-        try:
-            fcntl.ioctl(terminal, _TCGETS2, settings)
-        except OSError:
-            pass  # an architecture with another number: the standard speeds must do
-        else:
-            return float(int.from_bytes(settings[-4:], sys.byteorder))
-    speed = termios.tcgetattr(terminal)[5]
-    for name in dir(termios):
-        if name[:1] == "B" and name[1:].isdigit() and getattr(termios, name) == speed:
-            return float(name[1:])
-    return 0.0

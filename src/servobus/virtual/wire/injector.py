@@ -9,17 +9,17 @@ import bisect
 import math
 import random
 from collections import Counter, deque
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeAlias
 
-from servobus.core.framing import Decoder, Packet
+from servobus.core.framing import Decoder, Framing, Packet
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.wire.faults import KINDS, Fault, Faults, Injected
 from servobus.virtual.wire.uart import EPSILON, ReceivedBytes, Transmission
 from servobus.virtual.wire.usb_delay import Adapter, Delivery, plain
 
-if TYPE_CHECKING:
-    from servobus.virtual.wire.line import VirtualLine
+Switch: TypeAlias = Callable[[Iterable[VirtualServo], float], None]
+"""Switches the supply of servos at a time in s."""
 
 OUTAGE = 0.5
 """s that servos unplugged by chance, or at a moment, stay off if nothing else is said."""
@@ -48,26 +48,44 @@ class Dice:
 
 
 class Injector:
-    """The faults of one line, at whose client's end it stands."""
+    """The faults of one line, at whose client's end it stands.
 
-    def __init__(self, faults: Faults, line: "VirtualLine", wire: list[Transmission], now: float) -> None:
+    framing, name   of the family on the line; the name seeds the dice, so that two lines have different luck
+    servos          those on the line; the same list that the line holds
+    wire            what is on its way to the client, in the order of time; the line's own list
+    plug, unplug    what gives servos their supply, and takes it away
+    now             s: faults happen from then on
+    """
+
+    def __init__(
+        self,
+        faults: Faults,
+        framing: Framing,
+        name: str,
+        servos: Sequence[VirtualServo],
+        wire: list[Transmission],
+        *,
+        plug: Switch,
+        unplug: Switch,
+        now: float,
+    ) -> None:
         self.faults = faults
         self.log: deque[Injected] = deque(maxlen=KEPT)
         self.counts: Counter[str] = Counter()
         """Kind -> how often it was brought about."""
-        self._line = line
-        self._framing = line.family.framing
+        self._framing, self._family_name, self._servos = framing, name, servos
+        self._plug_servos, self._unplug_servos = plug, unplug
         self._adapter = Adapter(wire, faults.latency, now)
         names = list(KINDS)
-        name = f"{faults.seed}/{line.family.name}"
-        dice = [Dice(fault, f"{name}/{number}/{fault.kind}") for number, fault in enumerate(faults.faults)]
+        seed = f"{faults.seed}/{name}"
+        dice = [Dice(fault, f"{seed}/{number}/{fault.kind}") for number, fault in enumerate(faults.faults)]
         dice.sort(key=lambda one: names.index(one.fault.kind))
         self._reply_dice = [one for one in dice if KINDS[one.fault.kind].hits == "reply"]
         self._request_dice = [one for one in dice if KINDS[one.fault.kind].hits == "request"]
         self._replies = self._sent = 0
         """Replies and requests so far."""
-        self._jitter = random.Random(f"{name}/jitter")
-        self._requests = Decoder(line.family.framing)
+        self._jitter = random.Random(f"{seed}/jitter")
+        self._requests = Decoder(framing)
         self._sent_until = now
         self._changes: list[tuple[float, Callable[[float], None]]] = []
         """What is going to happen to servos, and when."""
@@ -224,7 +242,7 @@ class Injector:
         """Decide what servos hear of what the client sends, and what it hears of that itself."""
         if not self._request_dice:
             return [wave], [wave] if echo else []
-        if wave.start > self._sent_until + min(servo.garbage_timeout for servo in self._line.servos):
+        if wave.start > self._sent_until + min(servo.garbage_timeout for servo in self._servos):
             self._requests.drop()  # as the servos did
         self._sent_until = wave.end
         before, behind = self._requests.position, 0
@@ -301,20 +319,20 @@ class Injector:
         if number == which.first:
             self._cut(one, number, time, math.inf if outage is None else outage)
         elif number == which.last + 1 and outage is None:
-            self._at(time, lambda now: self._line.plug(self._off.pop(one, []), now))
+            self._at(time, lambda now: self._plug_servos(self._off.pop(one, []), now))
 
     def _cut(self, one: Dice, number: int, time: float, outage: float) -> None:
         """Take the supply from servos at this time, for so many s."""
 
         def cut(now: float) -> None:
             low, high = one.fault.where or (0, math.inf)
-            servos = [servo for servo in self._line.servos if servo.powered and low <= servo.id <= high]
+            servos = [servo for servo in self._servos if servo.powered and low <= servo.id <= high]
             if one.fault.probability < 1 and servos:
                 servos = [one.random.choice(servos)]
             self._off[one] = servos
-            self._line.unplug(servos, now)
+            self._unplug_servos(servos, now)
             if outage < math.inf:
-                self._at(now + outage, lambda now: self._line.plug(servos, now))
+                self._at(now + outage, lambda now: self._plug_servos(servos, now))
             if servos:
                 self._note(one, number, f"ids {', '.join(str(servo.id) for servo in servos)}", now)
 
@@ -325,7 +343,7 @@ class Injector:
 
     def _note(self, one: Dice, number: int, where: str, time: float) -> None:
         self.counts[one.fault.kind] += 1
-        self.log.append(Injected(one.fault.kind, number, where, time, self._line.family.name))
+        self.log.append(Injected(one.fault.kind, number, where, time, self._family_name))
 
 
 def _place(dice: Dice, size: int) -> int | None:

@@ -135,7 +135,18 @@ class VirtualLine:
     def inject(self, faults: Faults, now: float) -> None:
         """Let these faults happen from now on, instead of any others; what they hold back is lost."""
         self.run(now)
-        self._injector = Injector(faults, self, self._to_client, now) if faults else None
+        self._injector = None
+        if faults:
+            self._injector = Injector(
+                faults,
+                self.family.framing,
+                self.family.name,
+                self.servos,
+                self._to_client,
+                plug=self.plug,
+                unplug=self.unplug,
+                now=now,
+            )
         self.regroup()
 
     @property

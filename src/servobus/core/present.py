@@ -1,0 +1,142 @@
+"""Registers and their values as JSON and as sentences, for the command line, web pages and recordings alike.
+
+Functions that end in `entry` give what becomes a JSON object, those that end in `text` what people read. Nothing is
+printed here.
+"""
+
+from typing import Any
+
+from servobus.core.registers import Access, Address, Eep, EepRam, Pair, Ram, Register, RegisterMap
+from servobus.core.units import Choice, Flags, Quantity, Switch, shown
+
+ACCESS = {Access.READ: "read", Access.READ_WRITE: "read, write", Access.RESERVED: "reserved"}
+
+
+# Values
+
+
+def json_value(register: Register[Any], raw: int) -> Any:
+    """Give a value for JSON, in the unit people use; the raw integer where it has no meaning."""
+    try:
+        value = register.decode(raw)
+    except ValueError:
+        return raw
+    scale = register.scale
+    if isinstance(scale, Quantity):
+        return shown(value, scale.unit)[0]
+    if isinstance(scale, Choice | Flags):
+        return scale.show(value)
+    return value
+
+
+def unit_text(register: Register[Any]) -> str:
+    """Give the unit that goes with `json_value`; empty for switches, choices and plain numbers."""
+    return shown(0.0, register.unit)[1] if register.unit else ""
+
+
+def value_text(register: Register[Any], raw: int) -> str:
+    """Write a raw integer as people read it."""
+    try:
+        return register.show(register.decode(raw))
+    except ValueError:
+        return f"raw {raw} (no known meaning)"
+
+
+def value_entry(register: Register[Any], raw: int) -> dict[str, Any]:
+    """Give one value with its unit, and the raw integer."""
+    return {"value": json_value(register, raw), "unit": unit_text(register), "raw": raw}
+
+
+# Rows of a register table
+
+
+def register_entry(model: type[RegisterMap], row: Register[Any]) -> dict[str, Any]:
+    """Give one row of a table: limits and default in the unit people use, and raw."""
+    low, high = row.limits
+    return {
+        "name": row.name,
+        "aliases": aliases(model, row),
+        **_place_entry(row),
+        "size": row.layout.size,
+        "access": row.access.value,
+        "area": row.area.value,
+        "limits": [json_value(row, low), json_value(row, high)] if row.writable else None,
+        "allowed": [json_value(row, raw) for raw in row.allowed] if row.allowed else None,
+        "default": None if row.default is None else json_value(row, row.default),
+        "unit": unit_text(row),
+        "meaning": row.meaning,
+        "note": row.note,
+        "raw": {
+            "limits": [low, high] if row.writable else None,
+            "allowed": list(row.allowed) if row.allowed else None,
+            "default": None if row.default is None else int(row.default),
+        },
+    }
+
+
+def aliases(model: type[RegisterMap], row: Register[Any]) -> list[str]:
+    """Give the second names of a row."""
+    return [alias for alias, name in model.aliases.items() if name == row.name]
+
+
+def title_text(model: type[RegisterMap], row: Register[Any]) -> str:
+    """Write the name of a row, its aliases in parentheses."""
+    names = aliases(model, row)
+    return f"{row.name} ({', '.join(names)})" if names else row.name
+
+
+def place_text(row: Register[Any]) -> str:
+    """Say where a row is, how long it is and what may be done with it: "RAM 36, 2 bytes, read"."""
+    size = "1 byte" if row.layout.size == 1 else f"{row.layout.size} bytes"
+    return f"{_address_text(row)}, {size}, {ACCESS[row.access]}"
+
+
+def writable_text(row: Register[Any]) -> str:
+    """Say what can be written, as it is typed, and the factory setting; empty for what can only be read."""
+    if not row.writable:
+        return ""
+    factory = "" if row.default is None else f"; factory setting {value_text(row, row.default)}"
+    return _choices_text(row) + factory
+
+
+def _choices_text(row: Register[Any]) -> str:
+    scale = row.scale
+    if isinstance(scale, Switch):
+        return "on or off"
+    if isinstance(scale, Flags):
+        return "any of " + ", ".join(scale.show(flag) for flag in scale.options) + ", joined by +"
+    if row.allowed is not None:
+        return ", ".join(value_text(row, raw) for raw in row.allowed)
+    low, high = row.limits
+    if isinstance(scale, Choice):
+        return ", ".join(scale.show(option) for option in scale.options if low <= option <= high)
+    return " .. ".join(value_text(row, raw) for raw in (low, high))
+
+
+def _place_entry(row: Register[Any]) -> dict[str, Any]:
+    match row.place:
+        case Address(address):
+            return {"address": address}
+        case Eep(eep):
+            return {"address": {"eep": eep}}
+        case Ram(ram):
+            return {"address": {"ram": ram}}
+        case EepRam(eep, ram):
+            return {"address": {"eep": eep, "ram": ram}}
+        case Pair(write, read, at):
+            return {"command": {"write": None if write is None else int(write), "read": int(read), "byte": at}}
+
+
+def _address_text(row: Register[Any]) -> str:
+    match row.place:
+        case Address(address):
+            return f"{row.area.name} {address}"
+        case Eep(eep):
+            return f"EEP {eep}"
+        case Ram(ram):
+            return f"RAM {ram}"
+        case EepRam(eep, ram):
+            return f"EEP {eep}, RAM {ram}"
+        case Pair(write, read, at):
+            commands = f"command {read}" if write is None else f"commands {write}/{read}"
+            return f"{commands} byte {at}"

@@ -1,0 +1,134 @@
+"""Models, servos and packets as JSON and as sentences, for the command line, web pages and recordings alike.
+
+What concerns single registers is in servobus.core.present, what concerns traffic in servobus.traffic.present; this
+part needs to know what a model is, which the core does not. Nothing is printed here.
+"""
+
+from typing import Any
+
+from servobus.core.framing import Corrupt, Event, Noise, Packet
+from servobus.core.units import show, shown
+from servobus.families.base import Family, Model
+
+# Servos and models
+
+
+def servo_entry(family: Family, model: type[Model] | None, id: int, baud: int, firmware: str) -> dict[str, Any]:
+    """Say which servo is meant, and what it is; `model` is None if its model number is not known here."""
+    return {
+        "family": family.name,
+        "model": model.key() if model else None,
+        "id": id,
+        "baud": baud,
+        "firmware": firmware,
+    }
+
+
+def model_entry(model: type[Model]) -> dict[str, Any]:
+    """Give the maker's specification, in the units people use."""
+    spec = model.sheet
+    return {
+        "name": model.key(),
+        "model": model.title,
+        "maker": spec.maker,
+        "family": model.family.name,
+        "number": model.number,
+        "bauds": sorted(model.family.bauds),
+        "default_baud": model.family.default_baud,
+        "angle": {"value": shown(spec.angle, "rad")[0], "unit": "°"},
+        "resolution": {"value": shown(spec.resolution, "rad")[0], "unit": "°"},
+        "voltage": {"value": list(spec.voltage), "unit": "V"},
+        "temperature": {"value": list(spec.temperature), "unit": "°C"} if spec.temperature else None,
+        "weight": {"value": round(spec.weight * 1000, 3), "unit": "g"} if spec.weight else None,
+        "size": {"value": [round(side * 1000, 3) for side in spec.size], "unit": "mm"} if spec.size else None,
+        "gear_ratio": spec.gear_ratio,
+        "performance": [
+            {
+                "voltage": {"value": point.voltage, "unit": "V"},
+                "stall_torque": {"value": round(point.stall_torque, 3), "unit": "N·m"},
+                "speed": {"value": shown(point.speed, "rad/s")[0], "unit": "°/s"},
+            }
+            for point in spec.performance
+        ],
+        "link": spec.link,
+    }
+
+
+def model_lines(model: type[Model]) -> list[str]:
+    """Write the maker's specification in a few lines."""
+    spec = model.sheet
+    low, high = spec.voltage
+    lines = [
+        f"{spec.maker} {model.title}, {model.family.title}",
+        f"{show(spec.angle, 'rad')} in steps of {spec.resolution * 57.29577951:.3f}°, supply {low:g} to {high:g} V",
+    ]
+    lines += [
+        f"at {point.voltage:g} V: {point.stall_torque:.2f} N·m, {show(point.speed, 'rad/s')}"
+        for point in spec.performance
+    ]
+    body = [
+        f"{spec.weight * 1000:g} g" if spec.weight else "",
+        " x ".join(f"{side * 1000:.1f}" for side in spec.size) + " mm" if spec.size else "",
+        f"gear 1:{spec.gear_ratio:g} {spec.gear}".strip(", ") if spec.gear_ratio else "",
+        spec.motor,
+    ]
+    return [*lines, ", ".join(filter(None, body)), spec.link]
+
+
+# Packets
+
+
+def packet_entries(model: type[Model], data: bytes) -> list[dict[str, Any]]:
+    """Explain bytes packet by packet, with what is broken or junk between them; `offset` is where each begins."""
+    family = model.family
+    events = family.framing.decode(data)
+    entries: list[dict[str, Any]] = []
+    request: Packet | None = None
+    for event, offset in zip(events, _offsets(events, family, len(data)), strict=True):
+        id: int | None = None
+        if isinstance(event, Packet):
+            kind, id = "packet", event.id
+            raw = data[offset : offset + family.framing.overhead + len(event.data)]
+            text = family.explain(event, request, model)
+            # A packet that reads otherwise behind its request is the answer to it, and is not answered itself.
+            request = event if text == family.explain(event, None, model) else None
+        elif isinstance(event, Corrupt):
+            kind, id, raw = "corrupt", event.packet.id, event.raw
+            text = f"CHECKSUM WRONG: would be {family.explain(event.packet, request, model)}"
+            request = None
+        else:  # a line that changes its direction makes junk: what was asked before it can be answered behind it
+            kind, raw = "noise", event.raw
+            text = junk_text(raw)
+        entries.append(
+            {
+                "offset": offset,
+                "hex": raw.hex(" ").upper(),
+                "kind": kind,
+                "family": family.name,
+                "id": id,
+                "text": text,
+            }
+        )
+    return entries
+
+
+def junk_text(raw: bytes) -> str:
+    """Say how much it is that is no packet."""
+    return f"JUNK: {len(raw)} bytes that are no packet" if len(raw) > 1 else "JUNK: a byte that is no packet"
+
+
+def _offsets(events: list[Event], family: Family, total: int) -> list[int]:
+    """Tell where each event starts. Noise does not say: it ends where the next packet starts."""
+    offsets: list[int] = []
+    following = total
+    for event in reversed(events):
+        match event:
+            case Noise(raw):
+                start = following - len(raw)
+            case Corrupt(packet, raw):
+                start = packet.end - len(raw)
+            case Packet():
+                start = event.end - family.framing.overhead - len(event.data)
+        offsets.append(start)
+        following = start
+    return offsets[::-1]

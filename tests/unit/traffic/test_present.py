@@ -1,0 +1,50 @@
+from servobus.traffic.present import COLUMNS, event_entry, event_lines, summary_entry, table, totals_text
+from servobus.traffic.recording import Chunk, Direction, End
+from servobus.traffic.tracker import Tracker
+
+PING = bytes.fromhex("FF FF 01 02 01 FB")
+PONG = bytes.fromhex("FF FF 01 02 00 FC")
+
+
+def test_events() -> None:
+    tracker = Tracker(baud=57_600)
+    (request,) = tracker.feed(Chunk(0.001, Direction.OUT, PING))
+    (answer,) = tracker.feed(Chunk(0.0035, Direction.IN, PONG))
+    assert event_entry(request)["hex"] == "FF FF 01 02 01 FB"
+    entry = event_entry(answer)
+    assert (entry["kind"], entry["direction"], entry["id"], entry["trouble"]) == ("answer", "<", 1, None)
+    # The request is out 60 bits after 1 ms: 1.0417 ms at 57600 baud.
+    assert abs(entry["latency"] - 0.0014583) < 1e-6
+    (line,), text = event_lines(answer)
+    assert " ".join(line.split()) == "0.003500 < FF FF 01 02 00 FC +1.46 ms"
+    assert text.strip() == "status of id 1: ok"
+    _, text = event_lines(request)
+    assert text.strip() == "PING id 1"
+
+
+def test_a_long_packet_takes_several_lines_and_no_line_is_wide() -> None:
+    tracker = Tracker(baud=57_600)
+    data = bytes.fromhex("FE 22 83 1E 04") + b"".join(bytes((id, 0, 2, 0, 2)) for id in range(1, 7))
+    data = b"\xff\xff" + data + bytes((~sum(data) & 0xFF,))
+    (event,) = tracker.feed(Chunk(0.5, Direction.OUT, data))
+    lines, text = event_lines(event)
+    assert len(lines) > 1
+    assert text.count("\n") > 0
+    assert max(map(len, [*lines, *text.split("\n")])) <= 80
+
+
+def test_what_it_comes_to() -> None:
+    tracker = Tracker(baud=57_600)
+    for time, direction, data in (
+        (0.001, Direction.OUT, PING), (0.0035, Direction.IN, PONG), (1.0, Direction.OUT, PING),
+    ):  # fmt: skip
+        tracker.feed(Chunk(time, direction, data))
+    tracker.feed(End(2.0))
+    summary = summary_entry(tracker)
+    assert (summary["time"], summary["junk"], summary["corrupt"]) == (2.0, 0, 0)
+    (servo,) = summary["servos"]
+    assert (servo["id"], servo["requests"], servo["answers"], servo["missing"]) == (1, 2, 1, 1)
+    assert servo["error_rate"] == 0.5
+    (row,) = table(tracker)
+    assert dict(zip(COLUMNS, row, strict=True))["errors"] == "50 %"
+    assert totals_text(tracker) == "2.0 s; 0 bytes of junk, 0 packets with a wrong checksum"
