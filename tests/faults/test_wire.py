@@ -7,8 +7,9 @@ import pytest
 
 from faults.rig import DRIVERS, EVERY, POSITION, FaultRig
 from servobus import MODELS, BusError
-from servobus.core.exchange import Collector, Exchange
+from servobus.core.exchange import Exchange
 from servobus.core.framing import Decoder
+from servobus.core.replies import ReplyCollector
 from servobus.families.base import Answers, ServoRef
 from unit.lossy import ASYNC, SYNC
 
@@ -121,10 +122,10 @@ def test_F3_two_flipped_bits_pass_only_where_they_cancel(key: str, raw: int, pai
         bad = bytearray(whole)
         bad[one // 8] ^= 1 << one % 8
         bad[other // 8] ^= 1 << other % 8
-        collector = Collector(question(key))
+        collector = ReplyCollector([question(key)])
         collector.feed(bytes(bad))
-        collector.quiet()
-        if collector.packet is not None and len(collector.packet.data) == full:  # a shorter one is a refusal
+        collector.end()
+        if collector.packets[0] is not None and len(collector.packets[0].data) == full:  # a shorter one is a refusal
             accepted.append((one, other))
         if cancel(key, whole, one, other):
             expected.append((one, other))

@@ -25,8 +25,9 @@ from servobus.errors import PortError
 from servobus.families.base import ServoRef
 from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
-from servobus.link.link import NOT_FAST, Link, Receive, Waits
+from servobus.link.link import NOT_FAST, Link
 from servobus.link.ownership import Priority, Turn, turn_for
+from servobus.link.waits import Receive, Waits
 from servobus.safety.safe_stop import crashed
 from servobus.transports.base import Transport
 from servobus.transports.shared_reader import SharedReader

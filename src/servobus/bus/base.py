@@ -25,7 +25,6 @@ from servobus.jobs.move import PlannedMove, plan, require_torque, start_move, wa
 from servobus.jobs.scan import FoundServo, ScanResult, Watcher, find, scan
 from servobus.link.link import Link
 from servobus.link.ownership import LineOwnership, Priority, Turn, turn_for
-from servobus.link.pipeline import PipelinedLink
 from servobus.link.stats import Stats
 from servobus.safety.safe_stop import SafeStop
 from servobus.safety.watchdog import Watchdog
@@ -74,6 +73,8 @@ class Driver(Generic[S]):
         self._port = self._shared(transport)
         """What the link talks through."""
         self._echo = echo
+        self._alarmed: set[S] = set()
+        """Servos whose last reply had an alarm in it: as long as there is one, the link tells of every reply."""
         self.line = LineOwnership()
         self.link = self._new_link()
         self.safety = SafeStop(transport, self._known, self._take_over, safe_action)
@@ -369,7 +370,7 @@ class Driver(Generic[S]):
             found.model, found.id, baud=found.baud, answers=identity.answers, firmware=identity.firmware
         )
         servo.state = found.state
-        servo.note_alarms(found.alarms)
+        self._note_alarms(servo, found.alarms)
         return servo
 
     def _chosen(self, ids: Iterable[int] | None) -> list[S]:
@@ -419,15 +420,15 @@ class Driver(Generic[S]):
         """Give how long a stop waits, in s, for a job that it has interrupted."""
         return TAKEOVER_TIMEOUT
 
-    def _new_link(self) -> Link:
-        return PipelinedLink(self._port, echo=self._echo, heard=self._heard, fences=self._fences)
+    def _new_link(self, stats: Stats | None = None) -> Link:
+        return Link(
+            self._port, echo=self._echo, heard=self._heard, fences=self._fences, alarmed=self._alarmed, stats=stats
+        )
 
     def _reopened(self) -> None:
         """Begin anew on a port that was opened again: nothing of the old one can come any more."""
-        stats = self.link.stats
         self.link.supersede()
-        self.link = self._new_link()
-        self.link.stats = stats
+        self.link = self._new_link(self.link.stats)
 
     # What the link asks of us
 
@@ -438,9 +439,15 @@ class Driver(Generic[S]):
         """Keep the alarms of a reply with the servo that sent it."""
         if exchange.alarms is None:
             return
-        for servo in self._servos:
-            if servo.id == packet.id and servo.family.framing is exchange.framing:
-                servo.note_alarms(exchange.alarms(packet))
+        known = [servo for servo in self._servos if (servo.id, servo.family.framing) == (packet.id, exchange.framing)]
+        # Where several servos have this id at different speeds, the line's speed tells which of them it is.
+        for servo in known:
+            if len(known) == 1 or servo.baud == self.transport.baud:
+                self._note_alarms(servo, exchange.alarms(packet))
+
+    def _note_alarms(self, servo: S, alarms: int) -> None:
+        servo.note_alarms(alarms)
+        (self._alarmed.add if alarms else self._alarmed.discard)(servo)
 
 
 _FAMILY_OF = {family.framing: family for family in registry.FAMILIES.values()}
