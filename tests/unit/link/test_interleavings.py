@@ -375,7 +375,8 @@ class Real(Numbered):
 
 def asked_until_answered(link: Link, port: Numbered, question: Exchange[Any]) -> bool:
     """Ask some times; tell whether an answer came. Each must be the newest."""
-    return any([right(port, question, question.id, outcome(link, question)) for _ in range(5)])
+    came = [right(port, question, question.id, outcome(link, question)) for _ in range(5)]
+    return any(came)
 
 
 @pytest.mark.parametrize("told", [True, False])
