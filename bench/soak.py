@@ -61,18 +61,16 @@ ALTERING = {"pair", "flip", "drop", "junk", "twin", "stranger", "split"}
 """Kinds of fault that change what comes, as opposed to when."""
 
 POSITION = "present_position"
-RANGES = {"rx28": (0, 1023), "drs0602": (11_000, 22_000), "lx16a": (0, 1000)}
-"""Raw positions that the sensor tells after power-on too."""
 WRITABLE = {
-    "rx28": {"punch": (0, 1023), "torque_limit": (0, 1023), "led": (0, 1)},
-    "drs0602": {"position_kp": (0, 32_767), "max_pwm": (0, 1023), "min_pwm": (0, 254)},
-    "lx16a": {"led": (0, 1)},
+    "dynamixel": ("punch", "torque_limit", "led"),
+    "herkulex": ("position_kp", "max_pwm", "min_pwm"),
+    "lewansoul": ("led",),
 }
-"""Registers in RAM that are written, with raw values; of one length, so that one answer looks like the other's."""
+"""Registers of a family that are written; of one length, so that one answer looks like the other's."""
 BLOCKS = {
-    "rx28": (POSITION, "punch", "torque_limit"),
-    "drs0602": (POSITION, "max_pwm", "position_kp"),
-    "lx16a": (POSITION, "led"),
+    "dynamixel": (POSITION, "punch", "torque_limit"),
+    "herkulex": (POSITION, "max_pwm", "position_kp"),
+    "lewansoul": (POSITION, "led"),
 }
 
 COMMON = (
@@ -150,15 +148,17 @@ class Chunk:
     def __init__(self, seed: int, number: int) -> None:
         self.name = f"--seed {seed} --chunk {number}"
         self.random = random.Random(f"{seed}/{number}")
-        self.key = list(MODELS)[number % 3]
-        self.asynchronous = number // 3 % 2 == 1
-        options, faults, self.overtaking = MIXES[number // 6 % len(MIXES)]
-        url = f"virtual:{self.key}@{IDS[0]}-{IDS[-1]}?clock=virtual&{options}".rstrip("&")
+        kinds = len(MODELS)
+        key = list(MODELS)[number % kinds]
+        self.asynchronous = number // kinds % 2 == 1
+        options, faults, self.overtaking = MIXES[number // (2 * kinds) % len(MIXES)]
+        url = f"virtual:{key}@{IDS[0]}-{IDS[-1]}?clock=virtual&{options}".rstrip("&")
         self.port = Tapped(url, build_rig(parse_url(url)), real=False)
         self.reals: list[VirtualServo] = self.port.rig.servos
         self.bus: Any = (AsyncBus if self.asynchronous else Bus)(self.port)
-        self.model = MODELS[self.key]
-        self.acknowledged = self.key != "lx16a"
+        self.model = MODELS[key]
+        self.family = self.model.family.name
+        self.acknowledged = "answer_level" in self.model.aliases
         for real in self.reals:
             if self.acknowledged:
                 real.memory.store(self.model.register("answer_level"), Answers.EVERYTHING)
@@ -210,21 +210,22 @@ class Chunk:
 
     def _turn(self, real: VirtualServo) -> int:
         """Turn the shaft to another place by hand; give what its sensor tells there."""
-        raw = self.random.randint(*RANGES[self.key])
+        low, high = (self.model.register(name).default for name in ("min_position", "max_position"))
+        raw = self.random.randint(low, high)  # what the sensor tells after power-on too
         real.turn_shaft(real.model.register(POSITION).decode(raw))
         return raw
 
     def _order(self, rng: random.Random) -> tuple[tuple[str, ...], dict[str, int]]:
         """Choose what to read, or what to write."""
-        dice, writable = rng.random(), WRITABLE[self.key]
+        dice, writable = rng.random(), WRITABLE[self.family]
         if dice < 0.5:
             return (POSITION,), {}
-        name = rng.choice(list(writable))
+        name = rng.choice(writable)
         if dice < 0.65:
             return (name,), {}
         if dice < 0.8:
-            return BLOCKS[self.key], {}
-        return (name,), {name: rng.randint(*writable[name])}
+            return BLOCKS[self.family], {}
+        return (name,), {name: rng.randint(*self.model.register(name).limits)}
 
     async def _carry_out(self, id: int, names: tuple[str, ...], wanted: dict[str, int]) -> list[int]:
         rows = [self.model.register(name) for name in names]
@@ -273,7 +274,7 @@ class Chunk:
         kinds = {one.kind for one in self.port.rig.injected if one.time >= started}
         what = f"{what}: {said}; faults {', '.join(sorted(kinds)) or 'none'}; heard {self.port.heard.hex(' ')}"
         altering = kinds & ALTERING
-        if altering and any(_holds(self.key, frame, real.id) for frame in _frames(self.key, self.port.heard)):
+        if altering and any(_holds(self.family, frame, real.id) for frame in _frames(self.family, self.port.heard)):
             self.tally.provable["+".join(sorted(altering))] += 1
         elif wanted and kinds & {"reboot", "unplug"}:
             self.tally.right += 1  # it was there, and then the supply broke down
@@ -316,20 +317,20 @@ def _raw(row: Any, value: Any) -> int:
 # Packets, reckoned here and not by the driver
 
 
-def _frames(key: str, heard: bytes) -> Iterator[bytes]:
+def _frames(family: str, heard: bytes) -> Iterator[bytes]:
     """Give each run of bytes that is a packet whose checksum fits (manuals: RX-28 3-3, DRS-0602 5-2, LX-16A 3)."""
-    header = b"\x55\x55" if key == "lx16a" else b"\xff\xff"
+    header = b"\x55\x55" if family == "lewansoul" else b"\xff\xff"
     for at in range(len(heard) - 5):
         if heard[at : at + 2] != header:
             continue
-        size = heard[at + 2] if key == "drs0602" else heard[at + 3] + (3 if key == "lx16a" else 4)
+        size = heard[at + 2] if family == "herkulex" else heard[at + 3] + (3 if family == "lewansoul" else 4)
         frame = heard[at : at + size]
-        if len(frame) == size >= 6 and _fits(key, frame):
+        if len(frame) == size >= 6 and _fits(family, frame):
             yield frame
 
 
-def _fits(key: str, frame: bytes) -> bool:
-    if key != "drs0602":
+def _fits(family: str, frame: bytes) -> bool:
+    if family != "herkulex":
         return ~sum(frame[2:-1]) & 0xFF == frame[-1]
     check = 0
     for byte in frame[2:5] + frame[7:]:
@@ -337,8 +338,8 @@ def _fits(key: str, frame: bytes) -> bool:
     return frame[5] == check & 0xFE and frame[6] == ~check & 0xFE
 
 
-def _holds(key: str, frame: bytes, id: int) -> bool:
-    return frame[3 if key == "drs0602" else 2] == id
+def _holds(family: str, frame: bytes, id: int) -> bool:
+    return frame[3 if family == "herkulex" else 2] == id
 
 
 # Many chunks
@@ -381,7 +382,7 @@ def soak(seed: int, transactions: int, seconds: float) -> tuple[ServoTraffic, bo
 def show(total: ServoTraffic, took: float) -> None:
     print(f"transactions    {total.transactions:>9}   in {took:.0f} s, {total.transactions / took:.0f} each second")
     print(f"right           {total.right:>9}")
-    print(f"unacknowledged  {total.unknown:>9}   writes to LX-16A")
+    print(f"unacknowledged  {total.unknown:>9}   writes that nothing answers")
     print(f"exceptions      {total.errors.total():>9}   {_listed(total.errors)}")
     print(f"provable        {total.provable.total():>9}   wrong, and the checksum fits: {_listed(total.provable)}")
     print(f"late            {total.late:>9}   overtaken, and told with one of the next exchanges")

@@ -1,22 +1,32 @@
-"""Write the register pages in docs/registers from the tables.
+"""Write the register pages in docs/registers from the tables, and the rooms in docs/architecture.md from the code.
 
 python docs/generate.py            write them
 python docs/generate.py --check    write nothing; name the pages that are not current, exit status 1
 """
 
+import ast
 import re
 import sys
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Iterable, Iterator
 from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
 from servobus import MODELS
-from servobus.core.registers import Access, Address, Area, Eep, EepRam, Int, Pair, Ram, Register
+from servobus.core.registers import Access, Area, Int, Register
 from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Switch, deg, rpm, show, shown
 from servobus.families.base import Model
 
-PAGES = Path(__file__).parent / "registers"
+DOCS = Path(__file__).parent
+PAGES = DOCS / "registers"
+ARCHITECTURE = DOCS / "architecture.md"
+ROOT = DOCS.parent
+SOURCE = ROOT / "src" / "servobus"
+BEGIN, END = "<!-- made by docs/generate.py -->", "<!-- to here -->"
+"""Between these, architecture.md has what is made here."""
+FACE = "servobus"
+"""The package itself: what users import."""
 KGF_CM = 0.0980665
 """One kgf·cm in N·m."""
 CHAPTERS = {
@@ -29,11 +39,10 @@ CHAPTERS = {
 
 def main(arguments: list[str]) -> int:
     stale = []
-    for name, text in pages().items():
-        path = PAGES / name
+    for name, (path, text) in files().items():
         if path.exists() and path.read_text(encoding="utf-8") == text:
             continue
-        stale.append(f"docs/registers/{name}")
+        stale.append(name)
         if "--check" not in arguments:
             path.parent.mkdir(exist_ok=True)
             path.write_text(text, encoding="utf-8", newline="\n")
@@ -42,6 +51,12 @@ def main(arguments: list[str]) -> int:
         print(f"not current: {', '.join(stale)}; run `python docs/generate.py`")
         return 1
     return 0
+
+
+def files() -> dict[str, tuple[Path, str]]:
+    """Give every file that is made, or a part of which is: name -> path and text."""
+    made = {f"docs/registers/{name}": (PAGES / name, text) for name, text in pages().items()}
+    return made | {"docs/architecture.md": (ARCHITECTURE, architecture(ARCHITECTURE.read_text(encoding="utf-8")))}
 
 
 def pages() -> dict[str, str]:
@@ -61,7 +76,7 @@ def index() -> str:
             model.family.title,
             model.sheet.maker,
             _default(model.register("id")),
-            f"{model.family.default_baud} baud",
+            f"{model.factory_baud} baud",
             len(model.registers),
         )
         for key, model in MODELS.items()
@@ -145,29 +160,22 @@ def _row(row: Register[Any]) -> tuple[str, ...]:
     meaning = row.meaning + (f" ({_linked(row.note)})" if row.note else "")
     kept = "EEPROM" if row.area is Area.EEPROM else "RAM"
     access = f"{row.access.value}, {kept}"
-    return f"`{row.name}`", _where(row), _layout(row.layout), access, _default(row), _limits(row), _step(row), meaning
-
-
-def _where(row: Register[Any]) -> str:
-    match row.place:
-        case Address(address):
-            return str(address)
-        case Eep(address):
-            return f"EEP {address}"
-        case Ram(address):
-            return f"RAM {address}"
-        case EepRam(eep, ram):
-            return f"EEP {eep}, RAM {ram}"
-        case Pair(None, read, at):
-            return f"read {read:d}" + (f", byte {at}" if at else "")
-        case Pair(write, read, at):
-            return f"write {write:d}, read {read:d}" + (f", byte {at}" if at else "")
+    return (
+        f"`{row.name}`",
+        row.place.text(),
+        _layout(row.layout),
+        access,
+        _default(row),
+        _limits(row),
+        _step(row),
+        meaning,
+    )
 
 
 def _layout(layout: Int) -> str:
     if layout.sign_bit is not None:
         return f"{layout.size} bytes, sign in bit {layout.sign_bit}"
-    return f"{'S' if layout.signed else 'U'}{8 * layout.size}"
+    return f"{'S' if layout.signed else 'U'}{8 * layout.size}{', high byte first' if layout.order == 'big' else ''}"
 
 
 def _meaning(row: Register[Any], raw: int) -> str:
@@ -232,12 +240,12 @@ def _codes(model: type[Model]) -> Iterator[str]:
         yield f"{kind}, in {', '.join(names)}. {_linked(_clean(options.__doc__ or ''))}"
         rows = [(f"{option:d}", f"{option:#04x}", f"`{option.name.lower()}`") for option in options]
         yield _table(("Raw", "Hex", "Name"), rows)
-    baud = model.registers.get(model.aliases.get("baud", "baud"))
+    baud = model.optional("baud")
     if baud is None:
         return
     yield "## Bus speeds"
     yield f"Codes of `{baud.name}` for the usual speeds."
-    codes = sorted((baud.encode(speed), speed) for speed in model.family.bauds)
+    codes = sorted((baud.encode(speed), speed) for speed in model.bauds)
     rows = [(str(code), str(speed), f"{baud.decode(code)}") for code, speed in codes]
     yield _table(("Code", "Speed, bit/s", "As the servo has it"), rows)
 
@@ -267,6 +275,75 @@ def _table(head: tuple[str, ...], rows: list[Any]) -> str:
 
 def _join(*parts: str) -> str:
     return "\n\n".join(parts) + "\n"
+
+
+# The rooms
+
+
+def architecture(text: str) -> str:
+    """Give architecture.md with its picture and table made anew."""
+    before, _, rest = text.partition(BEGIN)
+    _, _, behind = rest.partition(END)
+    return f"{before}{BEGIN}\n\n{layer_picture()}\n\n{room_table()}\n\n{END}{behind}"
+
+
+def layers(contract: str = "rooms") -> list[list[str]]:
+    """Give the rooms of a contract, the highest first; those beside each other do not import each other."""
+    options = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
+    (rows,) = (one["layers"] for one in options["contracts"] if one["id"] == contract)
+    rooms = [[room.strip() for room in row.split("|")] for row in rows]
+    return [[room for room in row if not room.startswith("(")] for row in rooms]
+
+
+def layer_picture() -> str:
+    """Draw the layers."""
+    lines = [" | ".join(row) for row in layers()]
+    return "\n".join(["```", *(line.center(30).rstrip() for line in lines), "```"])
+
+
+def room_table() -> str:
+    """List each room, what it holds and what it imports of ours."""
+    rows = ["| room | what it holds | imports |", "|---|---|---|"]
+    for layer in layers():
+        for room in layer:
+            used = imports(room)
+            listed = [f"`{one}`" for one in [*(one for row in layers() for one in row), FACE] if one in used]
+            rows.append(f"| `{room}` | {purpose(room)} | {', '.join(listed) or 'nothing'} |")
+    return "\n".join(rows)
+
+
+def purpose(room: str) -> str:
+    """Give the first paragraph of a room's docstring."""
+    package, module = SOURCE / room / "__init__.py", SOURCE / f"{room}.py"
+    tree = ast.parse((package if package.exists() else module).read_text(encoding="utf-8"))
+    said = (ast.get_docstring(tree) or "").split("\n\n")[0]
+    if not said:
+        raise ValueError(f"{room} has no docstring that says what it holds")
+    return " ".join(said.split())
+
+
+def imports(room: str) -> set[str]:
+    """Give the other rooms that a room imports, inside functions too.
+
+    Firmware, control laws and motors of a family are left out: they run inside virtual servos.
+    """
+    files = [SOURCE / f"{room}.py"] if (SOURCE / f"{room}.py").exists() else sorted((SOURCE / room).rglob("*.py"))
+    used: set[str] = set()
+    for file in files:
+        if room != "families" or file.stem not in ("firmware", "control", "motors"):
+            used |= set(_imported(ast.walk(ast.parse(file.read_text(encoding="utf-8")))))
+    return used - {room}
+
+
+def _imported(nodes: Iterable[ast.AST]) -> Iterable[str]:
+    for node in nodes:
+        names: list[str] = []
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module] + [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        yield from (name.split(".")[1] for name in names if name.startswith("servobus."))
+        yield from (FACE for name in names if name == FACE)
 
 
 if __name__ == "__main__":

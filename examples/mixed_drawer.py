@@ -20,11 +20,12 @@ with servobus.open(port) as bus:
     for trouble in bus.survey.troubles:
         print(trouble)
 
-    print("temperatures:", {id: f"{value:.0f} °C" for id, value in bus.read_all("present_temperature").items()})
+    for servo, value in bus.read_all("present_temperature").items():
+        print(f"id {servo.id}: {value:.0f} °C")
 
     before = bus.read_all("present_position")
     with bus.torque():
-        bus.move({id: angle + 15 * deg for id, angle in before.items()}, time=1.0).wait()
+        bus.move({servo: angle + 15 * deg for servo, angle in before.items()}, time=1.0).wait()
         after = bus.read_all("present_position")
-    for id, angle in after.items():
-        print(f"{bus[id].model.title} id {id} turned by {(angle - before[id]) / deg:.1f}°")
+    for servo, angle in after.items():
+        print(f"{servo.model.title} id {servo.id} turned by {(angle - before[servo]) / deg:.1f}°")

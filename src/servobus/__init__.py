@@ -13,8 +13,12 @@ Angles are radians, times seconds, voltages volts; `90 * deg` is how one writes 
 What only one family can do is in `servobus.dynamixel1`, `servobus.herkulex` and `servobus.lewansoul`.
 """
 
+from typing import TYPE_CHECKING, Any
+
 from servobus.bus.base import ReconnectReport
 from servobus.bus.blocking import Bus, BusServo, Move
+from servobus.bus.by_servo import ByServo
+from servobus.bus.servo import Servo
 from servobus.connect import open, open_async
 from servobus.core.units import deg, ms, rpm
 from servobus.errors import (
@@ -50,7 +54,22 @@ from servobus.jobs.look import Snapshot
 from servobus.link.stats import Counts, Stats
 from servobus.safety.watchdog import Watchdog
 
+if TYPE_CHECKING:
+    from servobus.bus.asyncio import AsyncBus, AsyncBusServo, AsyncMove
+    from servobus.bus.cycle import Cycle
+    from servobus.safety.overload import Level, Thresholds
+
 __version__ = "0.1.0"
+
+_LATE = {
+    "AsyncBus": "servobus.bus.asyncio",
+    "AsyncBusServo": "servobus.bus.asyncio",
+    "AsyncMove": "servobus.bus.asyncio",
+    "Cycle": "servobus.bus.cycle",
+    "Level": "servobus.safety.overload",
+    "Thresholds": "servobus.safety.overload",
+}
+"""Names whose modules not all programs need: they are imported when somebody asks for them, for asyncio takes long."""
 
 __all__ = [
     "DRS0602",
@@ -58,6 +77,9 @@ __all__ = [
     "LX16A",
     "MODELS",
     "RX28",
+    "AsyncBus",
+    "AsyncBusServo",
+    "AsyncMove",
     "Backup",
     "BadChecksum",
     "BadValue",
@@ -65,10 +87,13 @@ __all__ = [
     "Bus",
     "BusError",
     "BusServo",
+    "ByServo",
     "Counts",
+    "Cycle",
     "DuplicateId",
     "EepromWear",
     "Garbled",
+    "Level",
     "LineBusy",
     "MotionError",
     "Move",
@@ -79,11 +104,13 @@ __all__ = [
     "ReconnectReport",
     "Refused",
     "Restarted",
+    "Servo",
     "ServobusError",
     "ShortReply",
     "Snapshot",
     "Stats",
     "Stopped",
+    "Thresholds",
     "TorqueOff",
     "UnknownName",
     "UsageError",
@@ -98,3 +125,16 @@ __all__ = [
     "open_async",
     "rpm",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATE:
+        raise AttributeError(f"module 'servobus' has no attribute {name!r}")
+    from importlib import import_module  # noqa: PLC0415 - only wanted here
+
+    value = globals()[name] = getattr(import_module(_LATE[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__doc__", "__version__"])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from servobus.bus.blocking import Bus
 from servobus.errors import BadValue
 from servobus.families.record import SafeAction
+from servobus.jobs.scan import Models, check_models
 from servobus.safety.safe_stop import check_safe_action
 from servobus.transports.base import Transport
 
@@ -27,19 +28,23 @@ def open(
     bauds: int | Iterable[int] | None = None,
     echo: bool | None = None,
     safe_action: SafeAction | None = None,
+    models: Models | None = None,
 ) -> Bus:
     """Open a port. Nothing is sent, nothing moves, torque stays as it is.
 
-    bauds         speed or speeds to look for servos at, bit/s; the factory speed of each family by default
+    bauds         speed or speeds to look for servos at, bit/s; the factory speeds of all models by default
     echo          whether the adapter hears what it sends; found out by default
     safe_action   what a crash does with servos that were driven: "hold" (also by default), "free" or "brake"; see
                   `Servo.safe_action`
+    models        what servos are that cannot say it themselves: "lx16a" for all of that family, {3: "lx16a"} for id 3;
+                  the first model of their family by default
 
-    Raises PortError if the port is missing, in use or not permitted, UsageError for a name that is no port.
+    Raises PortError if the port is missing, in use or not permitted, UsageError for a name that is no port or no model.
     """
     speeds = _speeds(bauds)
     check_safe_action(safe_action or "hold", ())
-    return Bus(transport(port, speeds), bauds=speeds, echo=echo, safe_action=safe_action)
+    check_models(models)
+    return Bus(transport(port, speeds), bauds=speeds, echo=echo, safe_action=safe_action, models=models)
 
 
 def open_async(
@@ -48,13 +53,15 @@ def open_async(
     bauds: int | Iterable[int] | None = None,
     echo: bool | None = None,
     safe_action: SafeAction | None = None,
+    models: Models | None = None,
 ) -> "AsyncBus":
     """Open a port for asyncio: `async with servobus.open_async(port) as bus`. See `open`."""
     from servobus.bus.asyncio import AsyncBus  # noqa: PLC0415 - asyncio is slow to import and not always wanted
 
     speeds = _speeds(bauds)
     check_safe_action(safe_action or "hold", ())
-    return AsyncBus(transport(port, speeds), bauds=speeds, echo=echo, safe_action=safe_action)
+    check_models(models)
+    return AsyncBus(transport(port, speeds), bauds=speeds, echo=echo, safe_action=safe_action, models=models)
 
 
 def transport(port: str, speeds: tuple[int, ...] | None = None) -> Transport:

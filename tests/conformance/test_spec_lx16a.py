@@ -1,7 +1,7 @@
 """The public figures of the LX-16A, measured as a user would: by packets, a clock and weights.
 
 At 7.4 V the product pages have 60 degrees in 0.16 s and 19.5 kgf·cm. (Their torque at 6 V contradicts that;
-see servobus.virtual.device.motor_data.)
+see servobus.families.lewansoul.motors.)
 """
 
 import pytest

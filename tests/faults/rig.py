@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from samples import answer_levels, can_be_silenced, goal_range, sample_of
 from servobus import MODELS, Bus, BusError
 from servobus.bus.asyncio import AsyncBus
 from servobus.families.base import Answers
@@ -14,16 +15,11 @@ from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.serve.inprocess import VirtualPort, connect
 from unit.lossy import ASYNC, SYNC
 
-EVERY = pytest.mark.parametrize("key", MODELS)
 DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
 
 POSITION = "present_position"
-LOW, HIGH = {"rx28": 0, "drs0602": 11_000, "lx16a": 0}, {"rx28": 1023, "drs0602": 22_000, "lx16a": 1000}
-"""Raw positions that are turned to by hand."""
 ALTERING = {"flip", "pair", "junk", "drop", "twin"}
 """Kinds of fault that change the bytes of a reply."""
-ANOTHER = {"rx28": "punch", "drs0602": "max_pwm", "lx16a": "led"}
-"""A register in RAM; for two of the families its answer is as long as that of the position."""
 
 
 class Port(VirtualPort):
@@ -46,7 +42,7 @@ class Port(VirtualPort):
 
 
 class FaultRig:
-    """Servos of one family, `port`, and `bus` as a driver for them.
+    """Servos of one model, `port`, and `bus` as a driver for them.
 
     `verdicts` are what reads came to: "right"; "provable" if it was not, but a fault altered the bytes into a packet
     whose id, command, length and checksum fit, so that nobody could know; "wrong" otherwise; or an exception's name.
@@ -63,16 +59,17 @@ class FaultRig:
         answers: Answers | None = None,
         settle: bool = True,
     ) -> None:
-        self.key, self.model = key, MODELS[key]
+        self.model, self.sample = MODELS[key], sample_of(key)
         self.port = Port(f"virtual:{key}@{ids}?clock=virtual{options}")
         self.bus: Any = (AsyncBus if driver == ASYNC else Bus)(self.port, echo=echo)
-        if key != "lx16a":
-            answers = answers if answers is not None else Answers.EVERYTHING
+        if answers is None:
+            answers = answer_levels(self.model)[-1]
+        if can_be_silenced(self.model):
             for real in self.reals:
                 real.memory.store(self.model.register("answer_level"), answers)
                 real.power_on(0.0)
         for id in dict.fromkeys(real.id for real in self.reals):
-            self.bus.attach(self.model, id, answers=answers if key != "lx16a" else Answers.READS)
+            self.bus.attach(self.model, id, answers=answers)
         self.verdicts: list[str] = []
         self._turned = 0
         if settle:
@@ -102,7 +99,8 @@ class FaultRig:
     def turn(self, id: int = 1) -> int:
         """Turn a shaft to another place by hand; give what its sensor tells there."""
         self._turned += 1
-        raw = LOW[self.key] + self._turned * 397 % (HIGH[self.key] - LOW[self.key] + 1)
+        low, high = goal_range(self.model)
+        raw = low + self._turned * 397 % (high - low + 1)
         self.real(id).turn_shaft(self.model.register(POSITION).decode(raw))
         return raw
 
@@ -119,32 +117,9 @@ class FaultRig:
             verdict = "right" if value == truth else "wrong"
             fresh = sum(self.port.rig.fault_counts.values()) - hits
             altered = fresh and any(one.kind in ALTERING for one in self.port.rig.injected[-fresh:])
-            if verdict == "wrong" and altered and value in told(self.key, id, self.port.heard[begin:]):
+            if verdict == "wrong" and altered and value in self.sample.positions(id, self.port.heard[begin:]):
                 verdict = "provable"
         except BusError as error:
             verdict = type(error).__name__
         self.verdicts.append(verdict)
         return verdict
-
-
-# Packets, by the rules of the manuals and not by the code under test
-
-
-def fits(key: str, frame: bytes) -> bool:
-    """Tell whether the checksum of a frame is right (manuals: RX-28 3-3, DRS-0602 5-2, LX-16A 3)."""
-    if key != "drs0602":
-        return ~sum(frame[2:-1]) & 0xFF == frame[-1]
-    check = 0
-    for byte in frame[2:5] + frame[7:]:
-        check ^= byte
-    return frame[5] == check & 0xFE and frame[6] == ~check & 0xFE
-
-
-def told(key: str, id: int, heard: bytes) -> list[int]:
-    """Give the positions in whatever is a good answer of this servo among these bytes."""
-    header = b"\x55\x55" if key == "lx16a" else b"\xff\xff"
-    start = header + {"rx28": bytes([id, 4]), "drs0602": bytes([13, id, 0x44]), "lx16a": bytes([id, 5, 28])}[key]
-    size, at = (13, 9) if key == "drs0602" else (8, 5)
-    frames = (heard[n : n + size] for n in range(len(heard) - size + 1) if heard.startswith(start, n))
-    good = (frame for frame in frames if fits(key, frame) and (key != "drs0602" or frame[7:9] == b"\x3a\x02"))
-    return [int.from_bytes(frame[at : at + 2], "little", signed=key == "lx16a") for frame in good]

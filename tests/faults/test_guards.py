@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 import servobus
-from faults.rig import DRIVERS, EVERY, FaultRig
+from faults.rig import DRIVERS, FaultRig
+from samples import every_model, hottest, minds_overload, models_that
 from servobus import MODELS, Stopped, deg
 from servobus.safety.overload import Level
 from servobus.virtual.physics.motor import Load
@@ -19,7 +20,7 @@ PATIENCE = 30.0
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_F21_a_program_that_hangs_is_made_safe_once(key: str, driver: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is heard of the program for the time-out, and the clock on the wall jumps back: the joint is made safe by
     a thread of its own, motion raises Stopped until somebody says go on, and reading goes on."""
@@ -48,12 +49,12 @@ def test_F21_a_program_that_hangs_is_made_safe_once(key: str, driver: str, monke
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_F25_heat_is_warned_of_then_weakens_then_stops(key: str, driver: str) -> None:
-    """A servo that warms up (limits from the factory: 80 °C, LX-16A 85 °C): told 10 °C before its limit, weakened 5 °C
+    """A servo that warms up to its limit from the factory: told 10 °C before its limit, weakened 5 °C
     before it, made safe at it, and back in the same steps."""
-    limit = 85 if key == "lx16a" else 80
     rig = FaultRig(key, driver, ids="1")
+    limit = hottest(rig.model)
     rig.do(lambda bus: bus[1].torque_on())
     levels = []
     for celsius in (25, limit - 9, limit - 4, limit, limit - 8, limit - 14, 25):
@@ -67,7 +68,7 @@ def test_F25_heat_is_warned_of_then_weakens_then_stops(key: str, driver: str) ->
 
 
 @DRIVERS
-@pytest.mark.parametrize("key", ["rx28", "drs0602"])
+@models_that(minds_overload)
 def test_F25_a_blocked_servo_is_made_safe_before_it_burns(key: str, driver: str) -> None:
     """A locked rotor: within a second of pushing without motion it is SAFE, and motion raises Stopped."""
     rig = FaultRig(key, driver, ids="1")

@@ -4,7 +4,8 @@ import itertools
 from collections.abc import AsyncIterator
 from typing import Any
 
-from faults.rig import DRIVERS, EVERY, FaultRig
+from faults.rig import DRIVERS, FaultRig
+from samples import every_model
 from servobus import deg
 from servobus.bus.cycle import Cycle
 from unit.lossy import ASYNC
@@ -20,7 +21,7 @@ def cycle_of(rig: FaultRig) -> Any:
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_F15_all_behind_the_cut_are_told_together(key: str, driver: str) -> None:
     """Servos 3 to 5 of a cable go: the cycle brings the values of 1 and 2, and says where to look."""
     rig = FaultRig(key, driver, ids="1-5")
@@ -28,13 +29,13 @@ def test_F15_all_behind_the_cut_are_told_together(key: str, driver: str) -> None
     assert not rig.do(lambda _: cycle.run()).lost
     rig.inject("unplug@3-5#1-")
     result = rig.do(lambda _: cycle.run())
-    assert sorted(result.lost) == [3, 4, 5]
-    assert sorted(result) == [1, 2]
+    assert sorted(result.lost.by_id()) == [3, 4, 5]
+    assert sorted(result.by_id()) == [1, 2]
     assert "after id 2" in result.diagnosis
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_F22_a_stall_is_counted_and_brings_no_burst_of_old_goals(key: str, driver: str) -> None:
     """A loop of 20 Hz stands still for 200 ms in one turn: three turns are left out and counted, and each goal that
     goes out afterwards is that of its own time."""

@@ -4,21 +4,28 @@ import math
 
 import pytest
 
-from faults.rig import DRIVERS, EVERY, FaultRig
-from servobus import MODELS, BadValue, EepromWear, UsageError, deg
-from servobus.families.base import Answers
+from faults.rig import DRIVERS, FaultRig
+from samples import (
+    can_change_baud,
+    every_model,
+    goal_range,
+    models_that,
+    one_model_of_each_family,
+    other_bauds,
+    sample_of,
+    seams,
+)
+from servobus import MODELS, RX28, BadValue, EepromWear, UsageError, deg
 from unit.lossy import SYNC, Bench
-
-SETTING = {"rx28": "highest_limit_temperature", "drs0602": "max_temperature", "lx16a": "max_temperature"}
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_F18_a_flood_of_eeprom_writes_is_braked(key: str, driver: str) -> None:
     """A loop that stores another value each time: ten reach the EEPROM, then EepromWear, which names a remedy; the same
     value again writes nothing."""
     rig = FaultRig(key, driver)
-    row = rig.model.register(SETTING[key])
+    row = rig.model.register("max_temperature")
     stored: list[int] = []
     rig.real().memory.on_store = lambda: stored.append(1)
 
@@ -46,12 +53,12 @@ def test_F18_a_locked_table_is_said_to_be(driver: str) -> None:
 
 
 @DRIVERS
-@EVERY
+@every_model
 @pytest.mark.parametrize("lost", ["request", "reply"])
 def test_F19_an_id_change_that_is_cut_off_is_finished(key: str, lost: str, driver: str) -> None:
     """Whichever packet of a change of id is lost, on its way there or back: the servo is found, under the new id."""
     for number in range(1, 9):
-        bench = Bench(key, driver, Answers.READS if key == "lx16a" else Answers.EVERYTHING)
+        bench = Bench(key, driver)
         bench.line.lose(**{lost: number})
         bench.do(lambda servo: servo.change_id(7))
         assert bench.at() == bench.really_at()
@@ -59,20 +66,21 @@ def test_F19_an_id_change_that_is_cut_off_is_finished(key: str, lost: str, drive
 
 
 @DRIVERS
-@pytest.mark.parametrize("key", ["rx28", "drs0602"])
+@models_that(can_change_baud)
 @pytest.mark.parametrize("lost", ["request", "reply"])
 def test_F19_a_baud_change_that_is_cut_off_is_finished(key: str, lost: str, driver: str) -> None:
     """The same for the speed: servo and bus are at the new one together."""
+    baud = other_bauds(MODELS[key])[0]
     for number in range(1, 9):
-        bench = Bench(key, driver, Answers.EVERYTHING)
+        bench = Bench(key, driver)
         bench.line.lose(**{lost: number})
-        bench.do(lambda servo: servo.change_baud(500_000))
-        assert bench.at() == bench.really_at() == (5, 500_000)
-        assert bench.line.baud == 500_000
+        bench.do(lambda servo: servo.change_baud(baud))
+        assert bench.at() == bench.really_at() == (5, baud)
+        assert bench.line.baud == baud
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_F19_a_broadcast_id_is_refused(key: str, driver: str) -> None:
     """Id 254 for one servo, as an id to ask or to give: BadValue, and nothing is sent."""
     rig = FaultRig(key, driver)
@@ -85,10 +93,11 @@ def test_F19_a_broadcast_id_is_refused(key: str, driver: str) -> None:
 
 
 @DRIVERS
-@pytest.mark.parametrize(("key", "count", "longest"), [("rx28", 40, 143), ("drs0602", 60, 223), ("lx16a", 20, 10)])
-def test_F20_a_move_of_many_is_split_and_none_is_left_out(key: str, count: int, longest: int, driver: str) -> None:
+@one_model_of_each_family
+def test_F20_a_move_of_many_is_split_and_none_is_left_out(key: str, driver: str) -> None:
     """More servos than one packet holds (RX-28 manual 3-5-7: 143 bytes; DRS-0602 manual 5-1: 223): every one gets its
     goal, and no packet is too long."""
+    count, longest = sample_of(key).crowd, sample_of(key).longest
     rig = FaultRig(key, driver, ids=f"1-{count}", settle=False)
     start = rig.real().position
     rig.do(lambda bus: bus.torque_on(list(bus)))
@@ -104,7 +113,7 @@ WILD = [math.nan, math.inf, -math.inf, 1e9, -100.0]
 
 
 @DRIVERS
-@EVERY
+@every_model
 @pytest.mark.parametrize("goal", WILD)
 def test_F23_wild_numbers_stay_off_the_wire(key: str, goal: float, driver: str) -> None:
     """NaN, infinities, angles that cannot be: BadValue before a byte is sent, for goals, times and speeds."""
@@ -123,7 +132,7 @@ def test_F23_wild_numbers_stay_off_the_wire(key: str, goal: float, driver: str) 
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_F23_a_step_too_far_and_degrees_for_radians(key: str, driver: str) -> None:
     """Beyond `max_step`: refused before anything moves. 90 in place of 90 * deg: refused, with the hint."""
     rig = FaultRig(key, driver)
@@ -138,20 +147,14 @@ def test_F23_a_step_too_far_and_degrees_for_radians(key: str, driver: str) -> No
     assert rig.real().position == pytest.approx(start, abs=0.5 * deg)
 
 
-SEAMS = {
-    # Raw positions near the ends of what the sensor tells, and across them.
-    "rx28": (0, 1, 1022, 1023),
-    "drs0602": (10_630, 16_383, 16_384, 22_120),
-    "lx16a": (-30, -1, 0, 1, 999, 1000, 1030),
-}
-AT_SEAMS = [(key, raw) for key, raws in SEAMS.items() for raw in raws]
+AT_SEAMS = [(key, raw) for key, model in MODELS.items() for raw in seams(model)]
 
 
 @DRIVERS
 @pytest.mark.parametrize(("key", "raw"), AT_SEAMS)
 def test_F24_torque_at_the_end_of_the_range_moves_nothing(key: str, raw: int, driver: str) -> None:
-    """At the ends of the range, and where an LX-16A tells angles below 0: what is read is where the shaft is, and the
-    torque comes on there without a jump."""
+    """At the ends of the range, and beyond them where a servo tells such angles: what is read is where the shaft is,
+    and the torque comes on there without a jump."""
     rig = FaultRig(key, driver, ids="1")
     row = rig.model.register("present_position")
     here = row.decode(raw)
@@ -159,7 +162,8 @@ def test_F24_torque_at_the_end_of_the_range_moves_nothing(key: str, raw: int, dr
     rig.port.sleep(0.05)
     assert rig.do(lambda bus: bus[1].read(row)) == pytest.approx(here, abs=0.5 * deg)
     rig.do(lambda bus: bus[1].torque_on())
-    inside = min(max(raw, 0), 1000) if key == "lx16a" else raw  # it can be sent nowhere else
+    first, last = goal_range(rig.model)
+    inside = min(max(raw, first), last)  # it can be sent nowhere else
     for _ in range(50):
         rig.port.sleep(0.02)
         low, high = sorted((here, row.decode(inside)))
@@ -189,4 +193,4 @@ def test_F24_the_dead_zone_of_an_rx28_is_never_a_goal() -> None:
     rig = FaultRig("rx28", SYNC)
     for degrees in (-1, 301, 330, 359, 360, 361):
         with pytest.raises(BadValue):
-            rig.do(lambda bus, angle: bus[1].write(MODELS["rx28"].register("goal_position"), angle), degrees * deg)
+            rig.do(lambda bus, angle: bus[1].write(RX28.goal_position, angle), degrees * deg)

@@ -2,32 +2,21 @@
 
 import pytest
 
-from faults.rig import DRIVERS, EVERY, FaultRig
+from faults.rig import DRIVERS, FaultRig
+from samples import every_model, minds_overload, models_that
 from servobus import NoReply, Refused, Restarted, TorqueOff, deg, dynamixel1, herkulex
-from servobus.families.lewansoul.protocol import Alarm
 from servobus.virtual.physics.motor import Load
 from unit.lossy import ASYNC, SYNC
 
-HOT = {
-    "rx28": dynamixel1.Error.OVERHEATING,
-    "drs0602": herkulex.StatusError.TEMPERATURE,
-    "lx16a": Alarm.OVER_TEMPERATURE,
-}
-FLAT = {
-    "rx28": dynamixel1.Error.INPUT_VOLTAGE,
-    "drs0602": herkulex.StatusError.INPUT_VOLTAGE,
-    "lx16a": Alarm.OVER_VOLTAGE,  # outside the limits on either side (EL-11)
-}
-
 
 @DRIVERS
-@EVERY
+@every_model
 @pytest.mark.parametrize("cause", ["heat", "voltage"])
 def test_F12_an_alarm_shows_at_its_joint_and_latches(key: str, cause: str, driver: str) -> None:
     """Heat or a bad supply at one servo: its flag stands beside the values of that servo alone, stays latched when it
     is over, and goes with `rearm`."""
     rig = FaultRig(key, driver)
-    flag = (HOT if cause == "heat" else FLAT)[key]
+    flag = rig.sample.hot if cause == "heat" else rig.sample.flat
     real = rig.real(2)
     if cause == "heat":
         real.temperature = 110.0
@@ -88,7 +77,7 @@ def test_F12_a_herkulex_keeps_its_error_until_it_is_cleared(driver: str) -> None
 
 
 @DRIVERS
-@pytest.mark.parametrize("key", ["rx28", "drs0602"])
+@models_that(minds_overload)
 def test_F13_after_an_overload_nothing_jumps(key: str, driver: str) -> None:
     """Blocked until it lets go: `rearm` brings the torque back where the shaft is by then, not where its goal was."""
     rig = FaultRig(key, driver, ids="1")
@@ -113,7 +102,7 @@ def test_F13_after_an_overload_nothing_jumps(key: str, driver: str) -> None:
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_F14_a_brownout_is_found_out_and_the_joint_stays_still(key: str, driver: str) -> None:
     """A servo that restarts in the middle of a run: `verify` raises Restarted, moves are refused until the torque is
     switched on anew, and the others go on."""
@@ -139,7 +128,7 @@ def test_F14_a_brownout_is_found_out_and_the_joint_stays_still(key: str, driver:
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_F15_a_cut_chain_loses_only_what_is_behind_the_cut(key: str, driver: str) -> None:
     """Servos 3 to 5 are off for a while: NoReply for these alone, all others right; plugged in again, all are."""
     rig = FaultRig(key, driver, ids="1-5")
@@ -160,7 +149,7 @@ def test_F15_a_cut_chain_loses_only_what_is_behind_the_cut(key: str, driver: str
 
 
 @pytest.mark.parametrize("driver", [SYNC, ASYNC])
-@EVERY
+@every_model
 def test_F15_one_servo_unplugged_and_plugged_again(key: str, driver: str) -> None:
     """One servo of five is off for 40 requests: it alone is silent, and answers again when it is back."""
     rig = FaultRig(key, driver, ids="1-5")

@@ -2,7 +2,18 @@
 
 import pytest
 
-from faults.rig import ANOTHER, DRIVERS, EVERY, POSITION, FaultRig
+from faults.rig import DRIVERS, POSITION, FaultRig
+from samples import (
+    answer_levels,
+    can_change_baud,
+    every_model,
+    factory_baud,
+    goal_range,
+    keys_that,
+    models_that,
+    other_bauds,
+    steady,
+)
 from servobus import MODELS, NoReply, WrongReply
 from servobus.doctor import Level, Plan, examine
 from servobus.errors import BusError, DuplicateId, Garbled
@@ -16,7 +27,7 @@ CALM = 30
 
 def two_questions(rig: FaultRig, rounds: int) -> None:
     """Read two registers in turn; where the family allows it their answers look alike. Count what is wrong."""
-    other = ANOTHER[rig.key]
+    other = steady(rig.model)
     for _ in range(rounds):
         rig.try_position()
         try:
@@ -27,7 +38,7 @@ def two_questions(rig: FaultRig, rounds: int) -> None:
 
 
 @DRIVERS
-@EVERY
+@every_model
 @pytest.mark.parametrize("stall", ["12ms", "120ms", "400ms"])
 def test_F7_an_adapter_that_stands_still_never_gives_an_old_value(key: str, stall: str, driver: str) -> None:
     """Replies that come after their time-out, all at once and in order: not one is taken for the answer to a later
@@ -43,7 +54,7 @@ def test_F7_an_adapter_that_stands_still_never_gives_an_old_value(key: str, stal
 
 
 @DRIVERS
-@EVERY
+@every_model
 @pytest.mark.parametrize("late", ["3ms", "15ms", "50ms"])
 def test_F7_a_reply_that_others_overtake_is_never_the_answer(key: str, late: str, driver: str) -> None:
     """Single replies held back while others pass, which no adapter does: none is taken for an answer, or it is told
@@ -62,7 +73,7 @@ def test_F7_a_reply_that_others_overtake_is_never_the_answer(key: str, late: str
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_F8_silence(key: str, driver: str) -> None:
     """A servo that says nothing: NoReply, after two tries."""
     rig = FaultRig(key, driver)
@@ -73,7 +84,7 @@ def test_F8_silence(key: str, driver: str) -> None:
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_F8_a_stranger_answers(key: str, driver: str) -> None:
     """An answer from another id: WrongReply, which names it; asked again if it was only one."""
     rig = FaultRig(key, driver)
@@ -86,7 +97,7 @@ def test_F8_a_stranger_answers(key: str, driver: str) -> None:
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_F8_two_answers_one_behind_the_other(key: str, driver: str) -> None:
     """A second servo with the id answers behind the first: told with the next exchange, and only with that."""
     rig = FaultRig(key, driver)
@@ -102,13 +113,14 @@ def test_F8_two_answers_one_behind_the_other(key: str, driver: str) -> None:
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_F8_two_servos_with_one_id_are_said_to_be(key: str, driver: str) -> None:
     """Two servos of one id stand apart and answer over each other: no value, and the scan asks whether there are
     two."""
     rig = FaultRig(key, driver, ids="2,2", settle=False)
-    for raw, real in zip((300, 700), rig.reals, strict=True):
-        real.turn_shaft(rig.model.register(POSITION).decode(raw))
+    low, high = goal_range(rig.model)
+    for share, real in zip((0.3, 0.7), rig.reals, strict=True):
+        real.turn_shaft(rig.model.register(POSITION).decode(low + round(share * (high - low))))
     with pytest.raises((Garbled, DuplicateId), match="two servos"):
         rig.read(2)
 
@@ -123,6 +135,7 @@ def test_F8_two_servos_with_one_id_and_other_delays(driver: str) -> None:
     rig.port.set_baud(1_000_000)
     for real in rig.reals:
         real.store_baud(1_000_000)
+    rig.bus.forget(2)
     rig.bus.attach(rig.model, 2, baud=1_000_000)
     with pytest.raises(DuplicateId, match="two servos with id 2"):
         for _ in range(2):
@@ -130,31 +143,33 @@ def test_F8_two_servos_with_one_id_and_other_delays(driver: str) -> None:
 
 
 @DRIVERS
-@pytest.mark.parametrize(("key", "baud"), [("rx28", 1_000_000), ("rx28", 115_200), ("drs0602", 57_600)])
+@pytest.mark.parametrize(
+    ("key", "baud"), [(key, baud) for key in keys_that(can_change_baud) for baud in other_bauds(MODELS[key])]
+)
 def test_F9_a_servo_at_another_speed_is_found(key: str, baud: int, driver: str) -> None:
     """Asked at the wrong speed it gives no value; a scan over the speeds finds it, and reads go on there."""
     rig = FaultRig(key, driver, ids="3", options=f"&baud={baud}", settle=False)
     with pytest.raises((NoReply, Garbled)):
         rig.read(3)
-    (servo,) = rig.do(lambda bus: bus.scan(family=rig.model.family, bauds=rig.model.family.bauds, ids=range(5)))
+    (servo,) = rig.do(lambda bus: bus.scan(family=rig.model.family, bauds=rig.model.bauds, ids=range(5)))
     assert (servo.id, servo.baud) == (3, baud)
     assert rig.try_position(3) == "right"
 
 
-@pytest.mark.parametrize("key", ["rx28", "drs0602"])
+@models_that(can_change_baud)
 def test_F9_the_doctor_names_the_speed(key: str) -> None:
     """`doctor` with the other speeds to spare says at which one they answer."""
-    family = MODELS[key].family
-    plan = Plan([(family, (family.default_baud,))], [(family, family.bauds)], ids=range(3), reads=5)
-    findings = list(examine(f"virtual:{key}@1?clock=virtual&baud=500000", plan))
+    family, factory, baud = MODELS[key].family, factory_baud(MODELS[key]), other_bauds(MODELS[key])[0]
+    plan = Plan([(family, (factory,))], [(family, MODELS[key].bauds)], ids=range(3), reads=5)
+    findings = list(examine(f"virtual:{key}@1?clock=virtual&baud={baud}", plan))
     assert [one.what for one in findings if one.check == "speed"] == [
-        f"{family.name} at 500000 (from the factory {family.default_baud})"
+        f"{family.name} at {baud} (from the factory {factory})"
     ]
     assert all(one.level is not Level.FAIL for one in findings)
 
 
 @DRIVERS
-@EVERY
+@every_model
 @pytest.mark.parametrize("skew", ["-2.5%", "2.5%"])
 def test_F9_a_speed_that_is_a_little_off(key: str, skew: str, driver: str) -> None:
     """A servo whose clock is off by what it may (RX-28 manual 3-4-1: 3 %, less what its divisor takes): no trouble."""
@@ -178,7 +193,7 @@ def test_F9_two_speeds_on_one_bus(driver: str) -> None:
     assert rig.verdicts == ["right"] * 20
 
 
-ANSWERED = [(key, level) for key in ("rx28", "drs0602") for level in Answers] + [("lx16a", Answers.READS)]
+ANSWERED = [(key, level) for key, model in MODELS.items() for level in answer_levels(model)]
 
 
 @DRIVERS
@@ -186,10 +201,9 @@ ANSWERED = [(key, level) for key in ("rx28", "drs0602") for level in Answers] + 
 def test_F10_a_write_is_awaited_only_where_an_answer_can_come(key: str, answers: Answers, driver: str) -> None:
     """A write takes its bits where nothing answers it, and its answer's bits and delay where something does."""
     rig = FaultRig(key, driver, ids="1", answers=answers, settle=False, echo=False)
-    name = "torque_enable" if key == "lx16a" else ANOTHER[key]
     rig.inject(None)
     start = rig.port.now()
-    rig.do(lambda bus: bus[1].write_raw({rig.model.register(name): 0}))
+    rig.do(lambda bus: bus[1].write_raw({rig.model.register("torque_enable"): 0}))
     (request,) = rig.port.sent
     took = rig.port.now() - start
     bits = 10 * len(request) / rig.port.baud
@@ -228,7 +242,7 @@ def test_F11_return_delays(delay: int) -> None:
     assert false_alarms(rig, f"{delay}", "") == 0
 
 
-@EVERY
+@every_model
 @pytest.mark.parametrize("latency", ["1ms", "16ms", "40ms"])
 def test_F11_slow_adapters_with_jitter(key: str, latency: str) -> None:
     """An adapter that holds bytes back for 1, 16 or 40 ms, and up to half as long again by chance: after the first few

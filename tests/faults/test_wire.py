@@ -5,7 +5,8 @@ import random
 
 import pytest
 
-from faults.rig import DRIVERS, EVERY, POSITION, FaultRig
+from faults.rig import DRIVERS, POSITION, FaultRig
+from samples import ONE_OF_EACH_FAMILY, one_model_of_each_family, sample_of
 from servobus import MODELS, BusError
 from servobus.core.exchange import Exchange
 from servobus.core.framing import Decoder
@@ -13,10 +14,8 @@ from servobus.core.replies import ReplyCollector
 from servobus.families.base import Answers, ServoRef
 from unit.lossy import ASYNC, SYNC
 
-SIZES = {"rx28": 8, "drs0602": 13, "lx16a": 8}
-"""Bytes of the answer with a position (RX-28 manual 3-5-1, DRS-0602 manual 6-4, LX-16A manual 4 point 17)."""
-HEADERS = {"rx28": b"\xff\xff", "drs0602": b"\xff\xff", "lx16a": b"\x55\x55"}
-PLACES = [(key, place) for key, size in SIZES.items() for place in range(size)]
+PLACES = [(key, place) for key in ONE_OF_EACH_FAMILY for place in range(sample_of(key).answer_size)]
+"""Every byte of the answer with a position."""
 
 
 def question(key: str) -> Exchange[bytes]:
@@ -26,20 +25,7 @@ def question(key: str) -> Exchange[bytes]:
     return exchange
 
 
-def answer(key: str, raw: int) -> bytes:
-    """Build servo 1's answer by the manual's rule, not by the code under test."""
-    low, high = raw & 0xFF, raw >> 8
-    if key == "drs0602":
-        body, value = [13, 1, 0x44], [58, 2, low, high, 0, 1]
-        check = 0
-        for byte in body + value:
-            check ^= byte
-        return bytes([0xFF, 0xFF, *body, check & 0xFE, ~check & 0xFE, *value])
-    body = [1, 4, 0, low, high] if key == "rx28" else [1, 5, 28, low, high]
-    return bytes([*HEADERS[key], *body, ~sum(body) & 0xFF])
-
-
-@pytest.mark.parametrize("key", SIZES)
+@one_model_of_each_family
 def test_F2_the_answers_here_are_those_that_come(key: str) -> None:
     """The bytes that are worked out here are those of the virtual servo."""
     rig = FaultRig(key)
@@ -48,7 +34,9 @@ def test_F2_the_answers_here_are_those_that_come(key: str) -> None:
     raw = rig.turn()
     rig.read()
     heard = rig.port.heard
-    assert heard[:-2] + bytes([0, 1]) == answer(key, raw) if key == "drs0602" else heard == answer(key, raw)
+    assert rig.sample.without_state(heard) == rig.sample.position_answer(1, raw)
+    assert rig.sample.positions(1, heard) == [raw]
+    assert len(heard) == rig.sample.answer_size
 
 
 @DRIVERS
@@ -62,59 +50,33 @@ def test_F1_a_lost_byte_costs_one_retry_and_no_value(key: str, place: int, drive
     assert rig.bus.stats[1].retries == 1
 
 
-def invisible(key: str, bit: int) -> bool:
-    """Tell whether no rule of the protocol can see that this one bit of an answer is flipped.
+@DRIVERS
+@one_model_of_each_family
+def test_F2_a_flipped_bit_is_never_accepted_but_where_no_checksum_sees_it(key: str, driver: str) -> None:
+    """Each bit in turn: noticed and asked again, but for those that the checksum leaves out.
 
     A sum changes with every bit. HerkuleX leaves bit 0 out of its checksum (5-2): so bit 0 of each byte that is
-    neither known beforehand (header, size, id, command, address, length) nor a check byte is not protected.
+    neither known beforehand (header, size, id, command, address, length) nor a check byte is not protected: 4 bits, 2
+    of which change the value by 1 or 256.
     """
-    return key == "drs0602" and bit % 8 == 0 and bit // 8 in (9, 10, 11, 12)
-
-
-@DRIVERS
-@EVERY
-def test_F2_a_flipped_bit_is_never_accepted_but_where_no_checksum_sees_it(key: str, driver: str) -> None:
-    """Each bit in turn: noticed and asked again, but for the 4 bits of a HerkuleX, 2 of which change the value by 1 or
-    256."""
     rig = FaultRig(key, driver)
-    accepted = []
-    for bit in range(8 * SIZES[key]):
+    accepted, unseen = [], rig.sample.unseen
+    for bit in range(8 * rig.sample.answer_size):
         before = rig.bus.stats[1].retries
         rig.inject(f"flip@{bit}#1")
         truth = rig.turn()
         value = rig.read()
         if rig.bus.stats[1].retries == before:
             accepted.append(bit)
-        assert value == truth ^ {72: 0x0001, 80: 0x0100}.get(bit if key == "drs0602" else -1, 0), bit
-    assert accepted == [bit for bit in range(8 * SIZES[key]) if invisible(key, bit)]
-    assert len(accepted) == {"rx28": 0, "drs0602": 4, "lx16a": 0}[key]
+        assert value == truth ^ unseen.get(bit, 0), bit
+    assert accepted == sorted(unseen)
 
 
-def cancel(key: str, raw: bytes, one: int, other: int) -> bool:
-    """Tell whether two flipped bits of an answer stay unseen, by the rules of the checksum alone.
-
-    A sum of bytes: both in one column, one up and the other down; in the highest column anyhow, as two of them carry
-    out. An exclusive or: both in one column, but not in a check byte; in column 0 each alone is unseen.
-    """
-    if key == "drs0602":
-        seen = [bit for bit in (one, other) if not invisible(key, bit)]
-        body = all(bit // 8 >= 9 for bit in (one, other))  # what stands before is known beforehand
-        return not seen or (body and one % 8 == other % 8)
-    known = range(4) if key == "rx28" else range(5)  # header, id, length; LX-16A: command
-    if one % 8 != other % 8 or one // 8 in known or other // 8 in known:
-        return False
-    up = [raw[bit // 8] >> bit % 8 & 1 for bit in (one, other)]
-    return up[0] != up[1] or one % 8 == 7
-
-
-@pytest.mark.parametrize(
-    # Pairs of bits in all, and of these the unseen, counted for these very answers.
-    ("key", "raw", "pairs", "unseen"),
-    [("rx28", 0x0155, 2016, 23), ("drs0602", 0x4155, 5356, 48), ("lx16a", 0x0155, 2016, 11)],
-)
-def test_F3_two_flipped_bits_pass_only_where_they_cancel(key: str, raw: int, pairs: int, unseen: int) -> None:
+@one_model_of_each_family
+def test_F3_two_flipped_bits_pass_only_where_they_cancel(key: str) -> None:
     """Every pair of bits: taken for the answer only if the checksum provably fits, and id, command and length too."""
-    whole = answer(key, raw)
+    raw, pairs, unseen = sample_of(key).pairs
+    whole = sample_of(key).position_answer(1, raw)
     accepted, expected, count = [], [], 0
     full = len(whole) - MODELS[key].family.framing.overhead
     for one, other in itertools.combinations(range(8 * len(whole)), 2):
@@ -127,19 +89,19 @@ def test_F3_two_flipped_bits_pass_only_where_they_cancel(key: str, raw: int, pai
         collector.end()
         if collector.packets[0] is not None and len(collector.packets[0].data) == full:  # a shorter one is a refusal
             accepted.append((one, other))
-        if cancel(key, whole, one, other):
+        if sample_of(key).cancel(whole, one, other):
             expected.append((one, other))
     assert accepted == expected
     assert (count, len(accepted)) == (pairs, unseen)
 
 
 @DRIVERS
-@EVERY
+@one_model_of_each_family
 def test_F3_pairs_that_cancel_are_the_only_wrong_values(key: str, driver: str) -> None:
     """Of many reads with two bits flipped by chance so that the checksum fits, each is right, refused, or one whose
     bits were in the value."""
     rig = FaultRig(key, driver, ids="1")
-    first = {"rx28": 5, "drs0602": 9, "lx16a": 5}[key]  # the value's first byte
+    first = rig.sample.value_at
     rig.inject("seed=3,pair=0.5")
     for _ in range(300):
         hits = len(rig.port.rig.injected)
@@ -168,24 +130,24 @@ JUNK = [
 
 
 @DRIVERS
-@EVERY
+@one_model_of_each_family
 @pytest.mark.parametrize("junk", JUNK)
 def test_F4_header_bytes_before_inside_and_behind_a_reply(key: str, junk: str, driver: str) -> None:
     """Bytes that look like the beginning of a packet, at every place of a reply: the read is right, with one retry at
     most."""
     rig = FaultRig(key, driver)
-    for place in ("before", *range(1, SIZES[key]), "after"):
+    for place in ("before", *range(1, rig.sample.answer_size), "after"):
         before = rig.bus.stats[1].retries
         rig.inject(f"junk@{place}#1:0x{junk}")
         # Where junk pushes bytes out of a packet whose checksum then fits by chance, nobody can know.
         assert rig.try_position() in ("right", "provable"), place
         assert rig.bus.stats[1].retries - before <= 1
         assert rig.try_position() == "right"
-    assert rig.verdicts.count("provable") <= (2 if key == "drs0602" else 0)
+    assert rig.verdicts.count("provable") <= rig.sample.by_chance
 
 
 @DRIVERS
-@EVERY
+@one_model_of_each_family
 def test_F4_one_to_64_bytes_of_junk(key: str, driver: str) -> None:
     """Junk of every length in every place: each read is right, unless both tries were hit, and none is wrong."""
     rig = FaultRig(key, driver)
@@ -198,7 +160,7 @@ def test_F4_one_to_64_bytes_of_junk(key: str, driver: str) -> None:
     assert [rig.try_position() for _ in range(3)] == ["right"] * 3
 
 
-@EVERY
+@one_model_of_each_family
 def test_F4_junk_takes_linear_time_and_bounded_memory(key: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Twice as much junk takes twice as many looks, even if it is all headers; and no more than a packet is kept."""
     framing = MODELS[key].family.framing
@@ -233,7 +195,7 @@ def test_F5_a_reply_in_two_pieces(key: str, place: int, driver: str) -> None:
 
 
 @DRIVERS
-@EVERY
+@one_model_of_each_family
 def test_F5_two_replies_glued_together(key: str, driver: str) -> None:
     """A reply that comes with the next one in one piece: that one is told from it, and the value is right."""
     rig = FaultRig(key, driver)
@@ -243,7 +205,7 @@ def test_F5_two_replies_glued_together(key: str, driver: str) -> None:
 
 
 @DRIVERS
-@EVERY
+@one_model_of_each_family
 def test_F6_a_full_echo_is_found_out(key: str, driver: str) -> None:
     """An adapter that hears what it sends: found out with the first exchange, and never taken for data."""
     rig = FaultRig(key, driver, options="&echo=on")
@@ -253,7 +215,7 @@ def test_F6_a_full_echo_is_found_out(key: str, driver: str) -> None:
 
 
 @DRIVERS
-@EVERY
+@one_model_of_each_family
 def test_F6_a_broken_echo_is_an_error_and_no_data(key: str, driver: str) -> None:
     """Part of the echo, none of it, or one bad byte in any place: asked again, and the value is right."""
     rig = FaultRig(key, driver, options="&echo=on")
@@ -274,7 +236,7 @@ def test_F6_a_broken_echo_is_an_error_and_no_data(key: str, driver: str) -> None
 
 
 @DRIVERS
-@EVERY
+@one_model_of_each_family
 def test_F6_an_echo_that_comes_up_later(key: str, driver: str) -> None:
     """An adapter that begins to echo: no echo is taken for an answer, and reads go on."""
     rig = FaultRig(key, driver)

@@ -7,10 +7,10 @@ import pytest
 
 from golden.golden import Case, load
 from servobus.core.framing import Packet
-from servobus.core.registers import Address
 from servobus.core.values import replace
 from servobus.families.dynamixel import protocol as dynamixel1
 from servobus.families.dynamixel.models.rx28 import RX28
+from servobus.families.dynamixel.places import Address
 from servobus.families.dynamixel.protocol import (
     FRAMING,
     Error,

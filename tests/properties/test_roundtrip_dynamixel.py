@@ -12,10 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import servobus
-from servobus.core.registers import Access, Address, Area, Register
+from servobus.core.registers import Access, Area, Register
 from servobus.errors import Refused, UsageError
 from servobus.families.base import Answers
 from servobus.families.dynamixel.models.rx28 import RX28
+from servobus.families.dynamixel.places import TABLE, Address
 from servobus.virtual.serve.inprocess import VirtualPort
 
 WRITABLE = [row for row in RX28.registers.values() if row.access is Access.READ_WRITE]
@@ -235,8 +236,8 @@ def test_a_goal_beyond_the_angle_limits_is_refused_with_its_own_bit(goal: int) -
 @pytest.mark.parametrize("row", [row for row in RX28.registers.values() if not row.writable], ids=str)
 def test_what_can_only_be_read_refuses_every_byte(row: Register[Any]) -> None:
     bench = Bench()
-    image, before = bench.image(), bench.virtual.memory.table
+    image, before = bench.image(), bench.virtual.memory.space(TABLE)
     for raw in range(0, 256, 17):
         assert bench.send(row, bytes((raw,)) * row.layout.size) == RANGE
     assert bench.image() == image
-    assert bench.virtual.memory.table == before
+    assert bench.virtual.memory.space(TABLE) == before

@@ -12,8 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import servobus
-from servobus.core.registers import Access, Eep, EepRam, Ram, Register
+from servobus.core.registers import Access, Register
 from servobus.families.herkulex.models.drs0602 import DRS0602
+from servobus.families.herkulex.places import EEP, RAM, Eep, EepRam, Ram
 from servobus.families.herkulex.protocol import Aux, eep_read, ram_read
 from servobus.virtual.serve.inprocess import VirtualPort
 
@@ -91,8 +92,8 @@ class Bench:
 
     def image(self) -> tuple[bytes, bytes]:
         """Give all that can be set, less the status."""
-        ram = self.virtual.memory.ram
-        return self.virtual.memory.eep, ram[:48] + ram[50:54]
+        ram = self.virtual.memory.space(RAM)
+        return self.virtual.memory.space(EEP), ram[:48] + ram[50:54]
 
 
 def addresses(row: Register[Any]) -> list[tuple[int, int]]:
@@ -296,7 +297,7 @@ def test_a_write_is_taken_whole_or_not_at_all(command: int, address: int, data: 
         assert bench.image() == image
         return
     assert end <= SIZES[command]
-    memory = bench.virtual.memory.eep if command == EEP_WRITE else bench.virtual.memory.ram
+    memory = bench.virtual.memory.space(EEP) if command == EEP_WRITE else bench.virtual.memory.space(RAM)
     for at in KEEPS_ITS_WORD[command]:
         if address <= at < end:
             assert memory[at] == data[at - address]

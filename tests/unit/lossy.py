@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
+from samples import answer_levels, can_be_silenced
 from servobus import MODELS, Bus
 from servobus.bus.asyncio import AsyncBus
 from servobus.bus.servo import Servo
@@ -75,14 +76,17 @@ Job = Callable[[Any], Any]
 class Bench:
     """One virtual servo with id 5 behind a lossy line, and a driver for it."""
 
-    def __init__(self, key: str, driver: str, answers: Answers, id: int = 5) -> None:
+    def __init__(self, key: str, driver: str, answers: Answers | None = None, id: int = 5) -> None:
+        """Give the servo this answer level, the highest that it has by default."""
+        model = MODELS[key]
+        if answers is None:
+            answers = answer_levels(model)[-1]
         self.line = Lossy(f"{key}@{id}")
         self.bus: Any = (Bus if driver == SYNC else AsyncBus)(self.line, echo=False)
-        if key != "lx16a":
-            level = MODELS[key].register("answer_level")
-            self.real.memory.store(level, answers)
+        if can_be_silenced(model):
+            self.real.memory.store(model.register("answer_level"), answers)
             self.real.power_on(0.0)
-        self.servo: Servo = self.bus.attach(MODELS[key], id, answers=answers)
+        self.servo: Servo = self.bus.attach(model, id, answers=answers)
 
     @property
     def real(self) -> VirtualServo:
@@ -105,7 +109,7 @@ class Bench:
 
     def really_at(self) -> tuple[int, int]:
         """Where the virtual servo is; speeds as the manual prints them."""
-        near = min(self.real.model.family.bauds, key=lambda baud: abs(baud - self.real.baud))
+        near = min(self.real.model.bauds, key=lambda baud: abs(baud - self.real.baud))
         return self.real.id, near
 
     def stored(self, name: str) -> int:

@@ -7,6 +7,7 @@ from contextlib import ExitStack, contextmanager
 from types import TracebackType
 from typing import Self
 
+from samples import sample_of
 from servobus import Bus, open
 from servobus.core.framing import Corrupt, Packet
 from servobus.virtual.device.servo import Replies, VirtualServo
@@ -101,26 +102,10 @@ def ping(servo: VirtualServo) -> bytes:
 
 
 def stops(heard: list[Packet], key: str, id: int) -> int:
-    """Count the commands that end the motion of a servo and leave its torque on (manuals: see below)."""
-    return sum(packet.id == id and _stops(key, packet) for packet in heard)
+    """Count the commands that end the motion of a servo and leave its torque on."""
+    return sum(packet.id == id and sample_of(key).stops(packet) for packet in heard)
 
 
 def frees(heard: list[Packet], key: str, id: int) -> int:
     """Count the commands that switch the torque of a servo off."""
-    return sum(packet.id == id and _frees(key, packet) for packet in heard)
-
-
-def _stops(key: str, packet: Packet) -> bool:
-    if key == "rx28":  # WRITE_DATA to Goal Position alone: 30, two bytes (3-4)
-        return packet.code == 3 and packet.data[0] == 30 and len(packet.data) == 3
-    if key == "lx16a":  # SERVO_MOVE_STOP (command 12)
-        return packet.code == 12
-    return packet.code == 5 and bool(packet.data[2] & 1)  # I_JOG, SET with the stop flag (6-5)
-
-
-def _frees(key: str, packet: Packet) -> bool:
-    if key == "rx28":  # Torque Enable, 24
-        return packet.code == 3 and packet.data == bytes([24, 0])
-    if key == "lx16a":  # SERVO_LOAD_OR_UNLOAD_WRITE (command 31)
-        return packet.code == 31 and packet.data == b"\0"
-    return packet.code == 3 and packet.data == bytes([52, 1, 0])  # RAM_WRITE of Torque Control
+    return sum(packet.id == id and sample_of(key).frees(packet) for packet in heard)

@@ -1,0 +1,1 @@
+"""The two drivers, blocking and asyncio: a bus, its servos, the control cycle."""

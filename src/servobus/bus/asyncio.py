@@ -17,12 +17,13 @@ from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from servobus.bus.base import POSITION_SPEED_LOAD, Driver, ReconnectReport
+from servobus.bus.base import POSITION_SPEED_LOAD, BaseBus, ReconnectReport
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Exchange, Job
 from servobus.core.operation import Awaiting
-from servobus.errors import PortError
-from servobus.families.base import ServoRef
+from servobus.core.registers import Register
+from servobus.errors import PortError, UsageError
+from servobus.families.base import KnownServo
 from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
 from servobus.link.link import NOT_FAST, Link
@@ -41,40 +42,44 @@ T = TypeVar("T")
 class AsyncMove:
     """A move: `await` it to start it, `await ....wait()` to start it and see it arrive."""
 
-    def __init__(self, bus: "AsyncBus", start: Callable[[], Awaitable[list[PlannedMove]]]) -> None:
+    def __init__(self, bus: "AsyncBus", start: Callable[[], Awaitable[PlannedMove]]) -> None:
         self._bus = bus
         self._start = start
-        self.moves: list[PlannedMove] = []
+        self.planned: PlannedMove | None = None
+        """What was started; None before that."""
 
     def __await__(self) -> Generator[Any, None, "AsyncMove"]:
         return self._started().__await__()
 
     @property
     def duration(self) -> float:
-        """Seconds from start to arrival; known once it has started."""
-        return max(course.duration for course in self.moves)
+        """Seconds from start to arrival. Raises UsageError before it has started."""
+        if self.planned is None:
+            raise UsageError("this move has not started: `await` it first")
+        return self.planned.duration
 
     async def wait(self, timeout: float | None = None) -> None:  # noqa: ASYNC109 - the bus's clock, which may be virtual
         """Start if need be, and wait until the servos stand still near their goals; see `Move.wait`."""
-        await self._started()
-        await self._bus.wait_arrival(self.moves, timeout)
+        planned = self.planned or await self._start()
+        self.planned = planned
+        await self._bus.wait_arrival(planned, timeout)
 
     async def _started(self) -> "AsyncMove":
-        if not self.moves:
-            self.moves = await self._start()
+        if self.planned is None:
+            self.planned = await self._start()
         return self
 
 
 class AsyncBusServo(Awaiting, Servo):
     """A servo on an asynchronous bus."""
 
-    def __init__(self, bus: "AsyncBus", target: ServoRef, baud: int, firmware: str) -> None:
-        super().__init__(target, baud, firmware)
+    def __init__(self, bus: "AsyncBus", target: KnownServo, firmware: str) -> None:
+        super().__init__(target, firmware)
         self._bus = bus
 
     async def do(self, job: Job[T]) -> T:
         """Carry out any job, an exchange or a procedure, at this servo's speed."""
-        return await self._bus.do(job, self.baud)
+        return await self._bus.do(job, self.target.baud)
 
     def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> AsyncMove:
         """Move to an angle in rad; nothing happens until the result is awaited.
@@ -83,8 +88,8 @@ class AsyncBusServo(Awaiting, Servo):
         Raises BadValue, TorqueOff or UsageError before anything moves.
         """
 
-        async def start() -> list[PlannedMove]:
-            return [await self.start_move(angle, time=time, speed=speed)]
+        async def start() -> PlannedMove:
+            return await self.start_move(angle, time=time, speed=speed)
 
         return AsyncMove(self._bus, start)
 
@@ -106,7 +111,7 @@ class AsyncBusServo(Awaiting, Servo):
                 await self.torque_off()
 
 
-class AsyncBus(Awaiting, Driver[AsyncBusServo]):
+class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
     """Servos on one port, for asyncio. Opening it asks nothing and moves nothing."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -143,7 +148,7 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
             self._reader.shutdown(wait=False)
         self.transport.close()
 
-    async def reopen(self) -> ReconnectReport:
+    async def reopen(self) -> ReconnectReport[AsyncBusServo]:
         """Open the port again after it was lost, and see who is there; see `Bus.reopen`."""
         turn = turn_for(Priority.MOTION)
         try:
@@ -196,19 +201,19 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         finally:
             line.end(turn)
 
-    def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> AsyncMove:
-        """Move several servos, id -> angle in rad, that start together and arrive together; see `Bus.move`."""
+    def move(self, goals: Mapping[Any, float], *, time: float | None = None, speed: float | None = None) -> AsyncMove:
+        """Move several servos, servo or id -> angle in rad, that start together and arrive together; see `Bus.move`."""
 
-        async def start() -> list[PlannedMove]:
+        async def start() -> PlannedMove:
             return await self.start_move(goals, time=time, speed=speed)
 
         return AsyncMove(self, start)
 
     def cycle(
         self,
-        read: Iterable[str] = POSITION_SPEED_LOAD,
-        write: Iterable[str] = ("goal_position",),
-        servos: Iterable[int] | None = None,
+        read: Iterable[Register[Any] | str] | Register[Any] | str = POSITION_SPEED_LOAD,
+        write: Iterable[Register[Any] | str] | Register[Any] | str = ("goal_position",),
+        servos: Iterable[AsyncBusServo | int] | None = None,
         *,
         time: float = 0.0,
     ) -> "AsyncBusCycle":
@@ -218,27 +223,27 @@ class AsyncBus(Awaiting, Driver[AsyncBusServo]):
         return AsyncBusCycle(self, self.transport, self._chosen(servos), read, write, time)
 
     @asynccontextmanager
-    async def torque(self, ids: Iterable[int] | None = None) -> AsyncIterator["AsyncBus"]:
+    async def torque(self, servos: Iterable[AsyncBusServo | int] | None = None) -> AsyncIterator["AsyncBus"]:
         """Torque on for these servos (all known ones by default), off again on the way out.
 
         After an error those for which a safe action was chosen are made safe instead.
         """
-        servos = self._chosen(ids)
+        driven = self._chosen(servos)
         try:
-            await self.torque_on(servos)
+            await self.torque_on(driven)
             yield self
         except BaseException:
-            servos = await self.secure(servos)
+            driven = await self.secure(driven)
             raise
         finally:
-            await self.torque_off(servos)
+            await self.torque_off(driven)
 
     async def secure(self, servos: list[AsyncBusServo]) -> list[AsyncBusServo]:
         """Make those servos safe whose safe action was chosen; give the others."""
         return await _to_its_end(self._beside_the_loop(partial(self.safety.secure, servos)))
 
-    def _bind(self, target: ServoRef, baud: int, firmware: str) -> AsyncBusServo:
-        return AsyncBusServo(self, target, baud, firmware)
+    def _bind(self, target: KnownServo, firmware: str) -> AsyncBusServo:
+        return AsyncBusServo(self, target, firmware)
 
     # The line
 

@@ -7,22 +7,33 @@ from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 
+from servobus.bus.by_servo import ByServo, name, pick
+from servobus.bus.known_servos import KnownServos
 from servobus.bus.servo import Servo
+from servobus.core.closed import Closed
 from servobus.core.exchange import Batch, Exchange, Procedure, SetBaud
 from servobus.core.framing import Framing, Packet
-from servobus.core.ids import LAST_ID, check_id
+from servobus.core.ids import LAST_ID
 from servobus.core.operation import bus_method
 from servobus.core.registers import Register
-from servobus.core.values import frozen, replace
-from servobus.errors import BusError, Restarted, UnknownName, UsageError
+from servobus.errors import BusError, Restarted, UsageError
 from servobus.families import registry
-from servobus.families.base import Answers, Family, Model, ServoRef
+from servobus.families.base import Answers, Family, KnownServo, Model
 from servobus.families.record import SafeAction
 from servobus.jobs.look import verify
 from servobus.jobs.move import PlannedMove, plan, require_torque, start_move, wait_arrival
-from servobus.jobs.scan import FoundServo, ScanResult, Watcher, find, scan
+from servobus.jobs.scan import (
+    FoundServo,
+    Models,
+    ScanResult,
+    Watcher,
+    check_models,
+    find,
+    model_told,
+    scan,
+)
 from servobus.link.link import Link
 from servobus.link.ownership import LineOwnership, Priority, Turn, turn_for
 from servobus.link.stats import Stats
@@ -31,7 +42,7 @@ from servobus.safety.watchdog import Watchdog
 from servobus.transports.base import Transport
 
 if TYPE_CHECKING:
-    from servobus.safety.overload import Level, Protection, Thresholds
+    from servobus.safety.overload import Level, OverloadMonitor, Thresholds
 
 S = TypeVar("S", bound=Servo)
 
@@ -44,21 +55,45 @@ POSITION_SPEED_LOAD = ("present_position", "present_speed", "present_load")
 """What a control cycle reads if nothing is said."""
 
 
-@frozen
-class ReconnectReport:
-    """Who is there after a port was opened again: ids. `restarted` are those of the present that lost their RAM."""
-
-    present: tuple[int, ...]
-    missing: tuple[int, ...]
-    restarted: tuple[int, ...]
+Presence: TypeAlias = Literal["present", "restarted", "missing"]
 
 
-class Driver(Generic[S]):
+class ReconnectReport(ByServo[S, Presence]):
+    """What became of each servo while the port was lost: "present", "restarted" (it lost its RAM) or "missing".
+
+    Can be asked by servo, or by id where that is unique.
+    """
+
+    @property
+    def present(self) -> tuple[S, ...]:
+        """Those that answer, the restarted ones among them."""
+        return tuple(servo for servo, presence in self.items() if presence != "missing")
+
+    @property
+    def restarted(self) -> tuple[S, ...]:
+        """Those that answer and lost what was set in their RAM."""
+        return tuple(servo for servo, presence in self.items() if presence == "restarted")
+
+    @property
+    def missing(self) -> tuple[S, ...]:
+        """Those that do not answer."""
+        return tuple(servo for servo, presence in self.items() if presence == "missing")
+
+    def __repr__(self) -> str:
+        def said(servos: tuple[S, ...]) -> str:
+            labels = [str(servo.id) if self._unique() else name(servo) for servo in servos]
+            return f"({', '.join(labels)}{',' if len(labels) == 1 else ''})"
+
+        present, missing, restarted = said(self.present), said(self.missing), said(self.restarted)
+        return f"ReconnectReport(present={present}, missing={missing}, restarted={restarted})"
+
+
+class BaseBus(Closed, Generic[S]):
     """A port, and the servos known on it.
 
-    `bauds` are the speeds to look for servos at, if not the factory speed of each family. `echo` says
+    `bauds` are the speeds to look for servos at, if not the factory speeds of the models. `echo` says
     whether the adapter gives back what it sends; None finds out. `safe_action` is that of all servos, "hold" if it
-    is None; see `Servo.safe_action`.
+    is None; see `Servo.safe_action`. `models` says what servos are that cannot say it themselves; see `open`.
     """
 
     def __init__(
@@ -68,21 +103,23 @@ class Driver(Generic[S]):
         bauds: tuple[int, ...] | None = None,
         echo: bool | None = None,
         safe_action: SafeAction | None = None,
+        models: Models | None = None,
     ) -> None:
+        self.models = check_models(models)
+        """What servos are that cannot say it themselves: a model, or id -> model."""
         self.transport = transport
         self._port = self._shared(transport)
         """What the link talks through."""
         self._echo = echo
-        self._alarmed: set[S] = set()
-        """Servos whose last reply had an alarm in it: as long as there is one, the link tells of every reply."""
         self.line = LineOwnership()
+        self._servos: KnownServos[S] = KnownServos(self._bind, self._guarded)
         self.link = self._new_link()
         self.safety = SafeStop(transport, self._known, self._take_over, safe_action)
         self.bauds = bauds
         self.survey = ScanResult()
         """What the last scan saw, what made no sense included."""
-        self._servos: list[S] = []
-        self._protections: dict[S, Protection] = {}
+        self._monitors: dict[S, OverloadMonitor] = {}
+        self._close()
 
     @property
     def echo(self) -> bool | None:
@@ -128,19 +165,15 @@ class Driver(Generic[S]):
 
     # The servos known here
 
-    def __getitem__(self, id: int) -> S:
-        """Give the servo with this id. It must be known: found by a scan, by `find`, or named by `attach`."""
-        matches = [servo for servo in self._servos if servo.id == id]
-        if not matches:
-            known = ", ".join(str(servo.id) for servo in self._servos) or "none"
-            raise UnknownName(f"no servo with id {id} is known here (known: {known}); use scan(), find() or attach()")
-        if len(matches) > 1:
-            names = " and ".join(f"{servo.model.title} at {servo.baud}" for servo in matches)
-            raise UnknownName(f"id {id} is not unique here: {names}; take it from the result of scan()")
-        return matches[0]
+    def __getitem__(self, id: int | S) -> S:
+        """Give the servo with this id. It must be known: found by a scan, by `find`, or named by `attach`.
+
+        Raises UnknownName, which names the candidates, where two have this id; a servo itself is given back.
+        """
+        return pick(self._servos, id, remedy="; use scan(), find() or attach()")
 
     def __iter__(self) -> Iterator[S]:
-        return iter(list(self._servos))
+        return iter(self._servos)
 
     def __len__(self) -> int:
         return len(self._servos)
@@ -150,7 +183,7 @@ class Driver(Generic[S]):
         return f"<{type(self).__name__} {self.transport.name}: {known}>"
 
     def __contains__(self, id: object) -> bool:
-        return any(servo.id == id for servo in self._servos)
+        return any(servo is id or servo.id == id for servo in self._servos)
 
     def attach(
         self,
@@ -163,30 +196,21 @@ class Driver(Generic[S]):
     ) -> S:
         """Name a servo that is there, without asking it anything.
 
-        `baud` defaults to the family's factory speed, `answers` to the model's factory setting. A servo that is known
-        already stays the same object, with all that was noted of it. Raises BadValue for an id that no single servo
-        can have.
+        The known servo of this family and id is given back, with all that was noted of it; with another `baud` a second
+        servo is made, for one port may carry both. One that is not known yet is assumed at `baud`, or at its factory
+        speed. `answers` defaults to the model's factory setting. From now on it is of this model, whatever a scan takes
+        it for. Raises BadValue for an id that no single servo can have, UnknownName if two servos could be meant.
         """
-        check_id(id)
-        if answers is None:
-            level = model.registers.get(model.aliases.get("answer_level", ""))
-            answers = Answers.READS if level is None or level.default is None else Answers(level.default)
-        baud = baud or model.family.default_baud
-        old = next((old for old in self._servos if (old.id, old.family.name) == (id, model.family.name)), None)
-        if old is not None and old.model is model:
-            old.target = replace(old.target, answers=answers)
-            old.baud, old.firmware = baud, firmware or old.firmware
-            return old
-        servo = self._bind(ServoRef(id, model, answers), baud, firmware)
-        servo.notes.before_motion = partial(self.safety.about_to_move, servo)
-        servo.notes.keep_alive = self.safety.keep_alive
-        servo.notes.safe_action = self.safety.chosen
-        if old is None:
-            self._servos.append(servo)
-        else:
-            servo.notes.max_step, servo.notes.safe_action = old.notes.max_step, old.notes.safe_action
-            self._servos[self._servos.index(old)] = servo
-        return servo
+        return self._servos.attach(model, id, baud, answers, firmware)
+
+    def forget(self, servo: S | int) -> None:
+        """Know this servo no more: it is in no result, and this bus does not make it safe. Sends nothing.
+
+        Raises UsageError for one that this bus has set in motion or holds: switch its torque off or make it safe first.
+        """
+        gone = self[servo]
+        self._servos.forget(gone)
+        self._monitors.pop(gone, None)
 
     # Finding servos
 
@@ -195,154 +219,179 @@ class Driver(Generic[S]):
         self,
         *,
         family: Family | str | None = None,
-        bauds: Iterable[int] | None = None,
-        ids: Iterable[int] = range(LAST_ID + 1),
+        bauds: int | Iterable[int] | None = None,
+        ids: int | Iterable[int] = range(LAST_ID + 1),
         watch: Watcher | None = None,
     ) -> Procedure[list[S]]:
         """Look for servos, and look at each that is found. Moves nothing, changes nothing.
 
-        `bauds` None means the factory speed of each family. `watch` is called with a `Progress` after each
-        id. What answered without making sense is in `survey.troubles` afterwards. If it is broken off, by Ctrl-C
-        or by what `watch` raises, those that were found so far are known.
+        `bauds` None means the factory speeds of all models. `watch` is called with a `ScanProgress` after each
+        id. What answered without making sense is in `survey.troubles` afterwards, what says that it is of another model
+        than `attach` gave in `survey.conflicts`. If it is broken off, by Ctrl-C
+        or by what `watch` raises, those that were found so far are known. Servos that are known already stay the same
+        objects.
         """
         survey = self.survey = ScanResult()
-        servos: list[S] = []
+        wanted = (ids,) if isinstance(ids, int) else ids
         try:
-            yield from scan(self._families(family), self._speeds(bauds), ids, watch, survey)
-        finally:
-            servos += [servo for found in survey.found if (servo := self.adopt(found)) is not None]
-        return servos
+            yield from scan(self._families(family), self._speeds(bauds), wanted, watch, survey, self.identify)
+        except BaseException:
+            for found in survey.found:
+                self.adopt(found)
+            raise
+        return (yield from self._servos.adopt_all(survey.found, survey))
 
     @bus_method
-    def find(self, id: int, *, family: Family | str | None = None, bauds: Iterable[int] | None = None) -> Procedure[S]:
+    def find(
+        self, id: int, *, family: Family | str | None = None, bauds: int | Iterable[int] | None = None
+    ) -> Procedure[S]:
         """Look for one servo. Raises NoReply, or BusError if what answers is no model known here."""
-        found = yield from find(self._families(family), self._speeds(bauds), id)
-        servo = self.adopt(found)
-        assert servo is not None  # find gives known models only
+        found = yield from find(self._families(family), self._speeds(bauds), id, self.identify)
+        (servo,) = yield from self._servos.adopt_all([found], self.survey)  # find gives known models only
         return servo
+
+    def identify(self, family: Family, id: int, baud: int, number: int | None) -> type[Model] | None:
+        """Tell the model of a servo that reports this number, as far as it can be known.
+
+        What the servo says itself comes first, if such a model is known; then what `attach` gave, then `models`. Else
+        one that says nothing is taken for the first model of its family.
+        """
+        said = None if number is None else registry.identified(family, number)
+        attached = self._servos.attached_model(family.name, id, baud)
+        guessed = None if number is not None else registry.first_model(family)
+        return said or attached or model_told(self.models, family, id) or guessed
+
+    def adopt(self, found: FoundServo) -> S | None:
+        """Know a servo that a scan has found, as it was seen then; None for a model that is not known here.
+
+        One that is known at its id and speed already stays the same object. It stays of the model that `attach` gave.
+        """
+        return self._servos.adopt(found, self.survey)
 
     # Several at once
 
     @bus_method
-    def read_all(self, name: str | Register[Any]) -> Procedure[dict[int, Any]]:
-        """Read one register of every known servo, by the name or alias that their models share; id -> value.
+    def read_all(self, register: Register[Any] | str) -> Procedure[ByServo[S, Any]]:
+        """Read one register of every known servo, by the name or alias that their models share.
 
-        A register of one of the models stands for its name. Raises UnknownName for a model that has none of it.
+        Gives servo -> value, which can be asked by id where that is unique. A register of one of the models stands for
+        its name. Raises UnknownName for a model that has none of it.
         """
-        values = {}
-        name = name.name if isinstance(name, Register) else name
-        for servo in self:
-            register = servo.model.register(name)
+        name = register.name if isinstance(register, Register) else register
+        rows = {servo: servo.model.register(name) for servo in self}
+        values: dict[S, Any] = {}
+        for servo, row in rows.items():
             yield SetBaud(servo.baud)
-            (raw,) = yield from servo.family.read(servo.target, [register])
-            values[servo.id] = register.decode(raw)
-        return values
+            (raw,) = yield from servo.family.read(servo.target, [row])
+            values[servo] = row.decode(raw)
+        return ByServo(values)
 
     @bus_method
     def plan_move(
-        self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None
-    ) -> Procedure[list[PlannedMove]]:
-        """Check a move of several servos, id -> angle in rad, without moving any; see `move`."""
-        return self._planned(goals, time, speed)
+        self, goals: Mapping[Any, float], *, time: float | None = None, speed: float | None = None
+    ) -> Procedure[PlannedMove]:
+        """Check a move of several servos, servo or id -> angle in rad, without moving any; see `move`."""
+        return plan(self._goals(goals), time=time, speed=speed)
 
     @bus_method
-    def start_planned(self, moves: list[PlannedMove]) -> Procedure[None]:
-        """Start a move that was planned: one packet starts all servos of a family."""
-        return self._start_planned(moves)
+    def start_planned(self, move: PlannedMove) -> Procedure[None]:
+        """Start a move that was planned: all servos of a family at one speed with as few packets as it allows."""
+        return start_move(move)
 
     @bus_method
     def start_move(
-        self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None
-    ) -> Procedure[list[PlannedMove]]:
+        self, goals: Mapping[Any, float], *, time: float | None = None, speed: float | None = None
+    ) -> Procedure[PlannedMove]:
         """Plan a move, make sure that all servos have torque, and start it; see `move`."""
-        moves = yield from self._planned(goals, time, speed)
-        require_torque(moves)
-        yield from self._start_planned(moves)
-        return moves
+        planned = yield from plan(self._goals(goals), time=time, speed=speed)
+        require_torque(planned)
+        yield from start_move(planned)
+        return planned
 
     @bus_method
-    def wait_arrival(self, moves: list[PlannedMove], timeout: float | None = None) -> Procedure[None]:
-        """Wait until all servos of these moves stand still near their goals; see `wait_arrival`."""
-        for course in moves:
-            yield SetBaud(self[course.axes[0].target.id].baud)
-            yield from wait_arrival(course, timeout=timeout)
+    def wait_arrival(self, move: PlannedMove, timeout: float | None = None) -> Procedure[None]:
+        """Wait until all servos of this move stand still near their goals.
+
+        Raises MoveTimeout `timeout` s from now, or 2 s after it should have arrived; Stopped as soon as one of them
+        does not come any more.
+        """
+        return wait_arrival(move, timeout=timeout)
 
     @bus_method
-    def torque_on(self, servos: list[S]) -> Procedure[None]:
-        """Switch the torque of these servos on, each with goal := present position first."""
-        for servo in servos:
+    def torque_on(self, servos: Iterable[S | int] | None = None) -> Procedure[None]:
+        """Switch the torque of these servos on (by default of all), each with goal := present position first."""
+        for servo in self._chosen(servos):
             yield SetBaud(servo.baud)
-            servo.notes.mark_moving()
+            servo.permit.mark_moving()
             yield from servo.family.torque(servo.target, on=True)
 
     @bus_method
-    def torque_off(self, servos: list[S]) -> Procedure[None]:
-        """Switch the torque of these servos off: of all, even if one fails; then tell of the first failure."""
+    def torque_off(self, servos: Iterable[S | int] | None = None) -> Procedure[None]:
+        """Switch the torque of these servos off (by default of all): of each, even if one fails.
+
+        Then it raises the first failure.
+        """
         first: BusError | None = None
-        for servo in servos:
+        for servo in self._chosen(servos):
             yield SetBaud(servo.baud)
             try:
                 yield from servo.family.torque(servo.target, on=False)
-                servo.notes.mark_idle()
+                servo.permit.mark_idle()
             except BusError as error:
                 first = first or error
         if first is not None:
             raise first
 
     @bus_method
-    def protect(self, thresholds: "Thresholds | None" = None) -> "Procedure[dict[int, Level]]":
-        """Look once how hot every known servo is and whether it is stuck, and act on it; id -> level.
+    def protect(self, thresholds: "Thresholds | None" = None) -> "Procedure[ByServo[S, Level]]":
+        """Look once how hot every known servo is and whether it is stuck, and act on it; servo -> level.
 
         To be called again and again, say every 0.1 s: a stall shows only over several looks. WARN is 10 °C below
         the limit set in the servo. At DERATE, 5 °C below it, it gets half its torque limit (RX-28), half its highest
         output (DRS-0602) or half its speed (LX-16A). At SAFE, at the limit or after 0.5 s of pushing without motion,
         its safe action runs, and commands of motion raise Stopped until a later look finds that it is over. All
-        bounds can be set, from the first call on; see `servobus.safety.overload.Thresholds`. One that does not answer,
+        bounds can be set, from the first call on; see `servobus.Thresholds`. One that does not answer,
         or cannot be read, raises NoReply or UsageError after all others had their turn.
         """
-        from servobus.safety.overload import Thresholds, protect, protection  # noqa: PLC0415 - not everybody wants it
+        from servobus.safety.overload import OverloadMonitor, Thresholds  # noqa: PLC0415 - not everybody wants it
 
-        levels = {}
+        levels: dict[S, Level] = {}
         first: BusError | UsageError | None = None
         for servo in self:
             yield SetBaud(servo.baud)
             try:
-                if servo not in self._protections:
-                    self._protections[servo] = yield from protection(servo.target, thresholds or Thresholds())
-                now = self.transport.now()
-                guarding = self._protections[servo]
-                levels[servo.id] = yield from protect(servo.target, guarding, now, servo.safe_action)
+                if servo not in self._monitors:
+                    self._monitors[servo] = yield from OverloadMonitor.of(servo.target, thresholds or Thresholds())
+                levels[servo] = yield from self._monitors[servo].look(servo.target)
             except (BusError, UsageError) as error:
                 first = first or error
         if first is not None:
             raise first
-        return levels
+        return ByServo(levels)
 
     # Helpers
 
-    def _planned(
-        self, goals: Mapping[int, float], time: float | None, speed: float | None
-    ) -> Procedure[list[PlannedMove]]:
-        moves = []
-        for group in self._groups(goals):
-            yield SetBaud(group[0].baud)
-            targets = {servo.target: goals[servo.id] for servo in group}
-            moves.append((yield from plan(targets, time=time, speed=speed)))
-        return moves
+    def _no_attribute(self, name: str) -> str:
+        return (
+            f"{type(self).__name__} has no attribute {name!r} that can be set; to write a register: "
+            "bus[id].write(RX28.goal_position, ...)"
+        )
 
-    def _start_planned(self, moves: list[PlannedMove]) -> Procedure[None]:
-        for course in moves:
-            yield SetBaud(self[course.axes[0].target.id].baud)
-            yield from start_move(course)
+    def _goals(self, goals: Mapping[Any, float]) -> dict[KnownServo, float]:
+        """Give goals by servo. Raises UnknownName, or UsageError for a servo that is given two goals."""
+        servos = {key: self[key] for key in goals}
+        if len(set(servos.values())) < len(servos):
+            raise UsageError("one of the servos is given two goals, by itself and by its id")
+        return {servos[key].target: goal for key, goal in goals.items()}
 
-    def _reunited(self) -> Procedure[ReconnectReport]:
+    def _reunited(self) -> Procedure[ReconnectReport[S]]:
         """Find out which of the known servos are there, and which of them have restarted."""
         present: list[S] = []
         for group in self._groups():
             yield SetBaud(group[0].baud)
             answers = yield Batch([servo.family.ping(servo.id) for servo in group])
             present += [servo for servo, answer in zip(group, answers, strict=True) if answer is None]
-        restarted = []
+        restarted: list[S] = []
         for servo in list(present):
             if servo.target.answers is Answers.NOTHING:
                 continue  # it cannot be read
@@ -351,35 +400,25 @@ class Driver(Generic[S]):
                 yield from verify(servo.target)
             except Restarted:
                 servo.state = None
-                restarted.append(servo.id)
+                restarted.append(servo)
             except BusError:
                 present.remove(servo)  # it answered, and then no more
-        missing = tuple(servo.id for servo in self if servo not in present)
-        return ReconnectReport(tuple(servo.id for servo in present), missing, tuple(restarted))
+        presences: dict[S, Presence] = {
+            servo: "restarted" if servo in restarted else "present" if servo in present else "missing" for servo in self
+        }
+        return ReconnectReport(presences)
 
     @abstractmethod
-    def _bind(self, target: ServoRef, baud: int, firmware: str) -> S:
+    def _bind(self, target: KnownServo, firmware: str) -> S:
         """Make this driver's own kind of servo."""
 
-    def adopt(self, found: FoundServo) -> S | None:
-        """Know a servo that a scan has found, as it was seen then; None for a model that is not known here."""
-        if found.model is None:
-            return None
-        identity = found.identity
-        servo = self.attach(
-            found.model, found.id, baud=found.baud, answers=identity.answers, firmware=identity.firmware
-        )
-        servo.state = found.state
-        self._note_alarms(servo, found.alarms)
-        return servo
+    def _chosen(self, servos: Iterable[S | int] | None) -> list[S]:
+        return list(self) if servos is None else [self[servo] for servo in servos]
 
-    def _chosen(self, ids: Iterable[int] | None) -> list[S]:
-        return list(self) if ids is None else [self[id] for id in ids]
-
-    def _groups(self, ids: Iterable[int] | None = None) -> list[list[S]]:
+    def _groups(self) -> list[list[S]]:
         """Sort servos by family and speed: one packet drives servos of one kind."""
         groups: dict[tuple[str, int], list[S]] = {}
-        for servo in self._chosen(ids):
+        for servo in self:
             groups.setdefault((servo.family.name, servo.baud), []).append(servo)
         return list(groups.values())
 
@@ -388,11 +427,19 @@ class Driver(Generic[S]):
             return list(registry.FAMILIES.values())
         return [registry.family(family) if isinstance(family, str) else family]
 
-    def _speeds(self, bauds: Iterable[int] | None) -> tuple[int, ...] | None:
-        return self.bauds if bauds is None else tuple(bauds)
+    def _speeds(self, bauds: int | Iterable[int] | None) -> tuple[int, ...] | None:
+        if bauds is None:
+            return self.bauds
+        return (bauds,) if isinstance(bauds, int) else tuple(bauds)
 
     def _known(self) -> list[S]:
         return list(self._servos)
+
+    def _guarded(self, servo: S) -> None:
+        """Have a servo ask this bus before it is set in motion, and tell it while it is."""
+        servo.permit.before_motion = partial(self.safety.about_to_move, servo)
+        servo.permit.keep_alive = self.safety.keep_alive
+        servo.permit.safe_action = self.safety.chosen
 
     # The line
 
@@ -422,7 +469,7 @@ class Driver(Generic[S]):
 
     def _new_link(self, stats: Stats | None = None) -> Link:
         return Link(
-            self._port, echo=self._echo, heard=self._heard, fences=self._fences, alarmed=self._alarmed, stats=stats
+            self._port, echo=self._echo, heard=self._heard, fences=self._fences, alarmed=self._servos.alarmed, stats=stats
         )
 
     def _reopened(self) -> None:
@@ -433,21 +480,16 @@ class Driver(Generic[S]):
     # What the link asks of us
 
     def _fences(self, framing: Framing, id: int) -> Sequence[Exchange[Any]]:
-        return _FAMILY_OF[framing].fences(id)
+        known = (servo.family for servo in self._servos)
+        families = (family for some in (known, registry.FAMILIES.values()) for family in some)
+        return next(family for family in families if family.framing is framing).fences(id)
 
     def _heard(self, exchange: Exchange[Any], packet: Packet) -> None:
-        """Keep the alarms of a reply with the servo that sent it."""
+        """Keep the alarms of a reply with the servo that sent it, at the speed in use."""
         if exchange.alarms is None:
             return
-        known = [servo for servo in self._servos if (servo.id, servo.family.framing) == (packet.id, exchange.framing)]
-        # Where several servos have this id at different speeds, the line's speed tells which of them it is.
-        for servo in known:
-            if len(known) == 1 or servo.baud == self.transport.baud:
-                self._note_alarms(servo, exchange.alarms(packet))
+        baud = self.transport.baud
+        for servo in self._servos:
+            if servo.id == packet.id and servo.baud == baud and servo.family.framing is exchange.framing:
+                self._servos.note_alarms(servo, exchange.alarms(packet))
 
-    def _note_alarms(self, servo: S, alarms: int) -> None:
-        servo.note_alarms(alarms)
-        (self._alarmed.add if alarms else self._alarmed.discard)(servo)
-
-
-_FAMILY_OF = {family.framing: family for family in registry.FAMILIES.values()}

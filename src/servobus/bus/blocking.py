@@ -11,13 +11,14 @@ with servobus.open("/dev/ttyUSB0") as bus:
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from types import TracebackType
-from typing import TYPE_CHECKING, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from servobus.bus.base import POSITION_SPEED_LOAD, Driver, ReconnectReport
+from servobus.bus.base import POSITION_SPEED_LOAD, BaseBus, ReconnectReport
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Exchange, Job
 from servobus.core.operation import Blocking
-from servobus.families.base import ServoRef
+from servobus.core.registers import Register
+from servobus.families.base import KnownServo
 from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
 from servobus.link.blocking import run_blocking
@@ -34,33 +35,33 @@ T = TypeVar("T")
 class Move:
     """A move under way."""
 
-    def __init__(self, bus: "Bus", moves: list[PlannedMove]) -> None:
+    def __init__(self, bus: "Bus", planned: PlannedMove) -> None:
         self._bus = bus
-        self.moves = moves
+        self.planned = planned
 
     @property
     def duration(self) -> float:
         """Seconds from start to arrival."""
-        return max(course.duration for course in self.moves)
+        return self.planned.duration
 
     def wait(self, timeout: float | None = None) -> None:
         """Wait until the servos stand still near their goals.
 
         It feeds the watch. Raises MoveTimeout, and Stopped at once if a servo was made safe, stopped or switched off.
         """
-        self._bus.wait_arrival(self.moves, timeout)
+        self._bus.wait_arrival(self.planned, timeout)
 
 
 class BusServo(Blocking, Servo):
     """A servo on a blocking bus."""
 
-    def __init__(self, bus: "Bus", target: ServoRef, baud: int, firmware: str) -> None:
-        super().__init__(target, baud, firmware)
+    def __init__(self, bus: "Bus", target: KnownServo, firmware: str) -> None:
+        super().__init__(target, firmware)
         self._bus = bus
 
     def do(self, job: Job[T]) -> T:
         """Carry out any job, an exchange or a procedure, at this servo's speed."""
-        return self._bus.do(job, self.baud)
+        return self._bus.do(job, self.target.baud)
 
     def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> Move:
         """Start a move to an angle in rad and give a handle to wait for its end.
@@ -68,7 +69,7 @@ class BusServo(Blocking, Servo):
         `time` in seconds or `speed` in rad/s (90°/s if neither is given). The torque must be on already.
         Raises BadValue, TorqueOff or UsageError before anything moves.
         """
-        return Move(self._bus, [self.start_move(angle, time=time, speed=speed)])
+        return Move(self._bus, self.start_move(angle, time=time, speed=speed))
 
     @contextmanager
     def torque(self) -> Iterator["BusServo"]:
@@ -88,7 +89,7 @@ class BusServo(Blocking, Servo):
                 self.torque_off()
 
 
-class Bus(Blocking, Driver[BusServo]):
+class Bus(Blocking, BaseBus[BusServo]):
     """Servos on one port. Opening it asks nothing and moves nothing. May be shared between threads."""
 
     def __enter__(self) -> Self:
@@ -108,7 +109,7 @@ class Bus(Blocking, Driver[BusServo]):
         self.safety.end(safe=False)
         self.transport.close()
 
-    def reopen(self) -> ReconnectReport:
+    def reopen(self) -> ReconnectReport[BusServo]:
         """Open the port again after it was lost, and see who is there; see `ReconnectReport`.
 
         A USB adapter is found by its serial number, whatever the port is called now. Servos that lost their RAM, so
@@ -162,25 +163,28 @@ class Bus(Blocking, Driver[BusServo]):
         finally:
             line.end(turn)
 
-    def move(self, goals: Mapping[int, float], *, time: float | None = None, speed: float | None = None) -> Move:
-        """Move several servos, id -> angle in rad, that start together and arrive together.
+    def move(self, goals: Mapping[Any, float], *, time: float | None = None, speed: float | None = None) -> Move:
+        """Move several servos, servo or id -> angle in rad, that start together and arrive together.
 
-        Everything is checked before anything moves. Raises BadValue, TorqueOff or UsageError.
+        They may be of several families: all have `time` s for their way, or the time that the longest way takes at
+        `speed` in rad/s (90°/s if neither is given). Everything is checked before anything moves. Raises BadValue,
+        TorqueOff or UsageError.
         """
         return Move(self, self.start_move(goals, time=time, speed=speed))
 
     def cycle(
         self,
-        read: Iterable[str] = POSITION_SPEED_LOAD,
-        write: Iterable[str] = ("goal_position",),
-        servos: Iterable[int] | None = None,
+        read: Iterable[Register[Any] | str] | Register[Any] | str = POSITION_SPEED_LOAD,
+        write: Iterable[Register[Any] | str] | Register[Any] | str = ("goal_position",),
+        servos: Iterable[BusServo | int] | None = None,
         *,
         time: float = 0.0,
     ) -> "BusCycle":
         """Prepare a control cycle that sends goals to servos and reads registers of them; nothing is sent.
 
-        `read` and `write` are names that their models share, `servos` the ids of some in the order of the cable, all
-        known ones by default, `time` the s a goal is given where the family has such a time (0: as fast as possible).
+        `read` and `write` are registers, or names that their models share, `servos` some of the servos or their ids in
+        the order of the cable, all known ones by default, `time` the s a goal is given where the family has such a time
+        (0: as fast as possible).
         Raises UnknownName, UsageError or BadValue.
         """
         from servobus.bus.cycle import BusCycle  # noqa: PLC0415 - only control loops need it
@@ -188,20 +192,20 @@ class Bus(Blocking, Driver[BusServo]):
         return BusCycle(self, self.transport, self._chosen(servos), read, write, time)
 
     @contextmanager
-    def torque(self, ids: Iterable[int] | None = None) -> Iterator["Bus"]:
+    def torque(self, servos: Iterable[BusServo | int] | None = None) -> Iterator["Bus"]:
         """Torque on for these servos (all known ones by default) inside the `with`, off again on the way out.
 
         After an error those for which a safe action was chosen are made safe instead.
         """
-        servos = self._chosen(ids)
+        driven = self._chosen(servos)
         try:
-            self.torque_on(servos)
+            self.torque_on(driven)
             yield self
         except BaseException:
-            servos = self.safety.secure(servos)
+            driven = self.safety.secure(driven)
             raise
         finally:
-            self.torque_off(servos)
+            self.torque_off(driven)
 
-    def _bind(self, target: ServoRef, baud: int, firmware: str) -> BusServo:
-        return BusServo(self, target, baud, firmware)
+    def _bind(self, target: KnownServo, firmware: str) -> BusServo:
+        return BusServo(self, target, firmware)

@@ -17,9 +17,10 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
+from servobus.bus.by_servo import ByServo, name, pick
 from servobus.bus.rate import Rate
 from servobus.bus.servo import Servo
-from servobus.core.exchange import Batch, Exchange, Job, Procedure, SetBaud
+from servobus.core.exchange import Batch, Exchange, Job, Now, Procedure, SetBaud
 from servobus.core.operation import Awaiting, Blocking, bus_method
 from servobus.core.registers import Register
 from servobus.core.units import show
@@ -36,21 +37,30 @@ RETRY = 0.25
 """s between two questions to servos that stay silent."""
 
 
-class Result(dict[int, dict[str, Any]]):
-    """What a cycle read: id -> name -> value, in SI units. `lost` tells of the others: id -> BusError."""
+class Result(ByServo[Servo, dict[str, Any]]):
+    """What a cycle read: servo -> name -> value, in SI units. `lost` tells of the others: servo -> BusError.
 
-    def __init__(self, chain: Sequence[int]) -> None:
-        super().__init__()
-        self.lost: dict[int, BusError] = {}
+    Both can be asked by id where that is unique.
+    """
+
+    def __init__(
+        self, values: Mapping[Servo, dict[str, Any]], lost: Mapping[Servo, BusError], chain: Sequence[Servo]
+    ) -> None:
+        super().__init__(values)
+        self.lost: ByServo[Servo, BusError] = ByServo(lost)
         self._chain = chain
 
     @property
     def diagnosis(self) -> str:
         """Say what the lost servos have in common; empty if none is lost."""
-        return diagnose(self._chain, self.lost)
+        ids = [servo.id for servo in self._chain]
+        labels = {
+            servo: servo.id if ids.count(servo.id) == 1 else f"{servo.id} ({name(servo)})" for servo in self._chain
+        }
+        return diagnose(list(labels.values()), [labels[servo] for servo in self.lost])
 
 
-def diagnose(chain: Sequence[int], lost: Collection[int]) -> str:
+def diagnose(chain: Sequence[object], lost: Collection[object]) -> str:
     """Say where a chain of servos may be broken. `chain` are their ids in the order of the cable."""
     gone = [id for id in chain if id in lost]
     if not gone:
@@ -65,6 +75,14 @@ def diagnose(chain: Sequence[int], lost: Collection[int]) -> str:
         return f"all after id {before} do not answer: cable or power between {before} and {gone[0]}?"
     ids = ", ".join(map(str, gone))
     return f"ids {ids} do not answer, others behind them do: their plugs, their power, or noise?"
+
+
+class _Heard:
+    """What one cycle hears, while it goes on."""
+
+    def __init__(self) -> None:
+        self.values: dict[Servo, dict[str, Any]] = {}
+        self.lost: dict[Servo, BusError] = {}
 
 
 @frozen
@@ -123,7 +141,7 @@ class Cycle:
 
     transport  the port
     servos     in the order of the cable, as far as that is known
-    read       names of registers that all of them have
+    read       registers that all of them have, or their names
     write      ("goal_position",), or nothing
     time       s that the way to each goal takes, where the family has such a time (HerkuleX, LX-16A); 0 is as fast as
                possible. An RX-28 goes at its moving_speed
@@ -133,15 +151,20 @@ class Cycle:
     """
 
     def __init__(
-        self, transport: Transport, servos: Iterable[Servo], read: Iterable[str], write: Iterable[str], time: float
+        self,
+        transport: Transport,
+        servos: Iterable[Servo],
+        read: Iterable[Register[Any] | str] | Register[Any] | str,
+        write: Iterable[Register[Any] | str] | Register[Any] | str,
+        time: float,
     ) -> None:
         self.transport = transport
         self.servos = list(servos)
-        self.read, self.write, self.time = tuple(read), tuple(write), time
-        self._chain = [servo.id for servo in self.servos]
-        self._silent: dict[int, BusError] = {}
+        self.read, self.write, self.time = _names(read), _names(write), time
+        self._parts: dict[Servo, _Part] = {}
+        self._silent: dict[Servo, BusError] = {}
         """Servos that did not answer last time; the one that waits longest for its turn is the first."""
-        self._fresh: set[int] = set()
+        self._fresh: set[Servo] = set()
         """Those of them that have not been asked again yet."""
         self._next_try = 0.0
         self._prepare()
@@ -152,25 +175,25 @@ class Cycle:
         return Rate(self, self.transport, period)
 
     @bus_method
-    def run(self, goals: Mapping[int, float] | None = None) -> Procedure[Result]:
-        """Send goals, id -> angle in rad, and read all servos.
+    def run(self, goals: Mapping[Any, float] | None = None) -> Procedure[Result]:
+        """Send goals, servo or id -> angle in rad, and read all servos.
 
         All goals are checked before any is sent, `max_step` against what the last cycle read. Raises BadValue,
         UsageError for a servo in endless turn, TorqueOff where the torque is known to be off. Whether it is, and which
-        limits are set, is read once, before the first goal. Goals feed the watch. Raises Stopped if nothing is to move
-        now. Nothing is asked twice: see `lost` of the result.
+        limits are set, is read once, before the first goal. Goals feed the watchdog. Raises Stopped if nothing is to
+        move now. Nothing is asked twice: see `lost` of the result.
         """
         if any(part.servo.target is not part.target for part in self._parts.values()):
             self._prepare()  # another id, speed or way to answer
-        result = Result(self._chain)
-        raw = (yield from self._checked(goals, result)) if goals else {}
-        keep_moving(self._parts[id].target for id in raw)
+        heard = _Heard()
+        raw = (yield from self._checked(goals, heard)) if goals else {}
+        keep_moving(part.target for part in raw)
         for group in self._groups:
             yield SetBaud(group.baud)
-            if sent := {part.target: raw[id] for id in raw if (part := self._parts[id]) in group.parts}:
-                yield from self._send(group, sent, result)
-            yield from self._ask(group, result)
-        return result
+            if sent := {part: goal for part, goal in raw.items() if part in group.parts}:
+                yield from self._send(group, sent, heard)
+            yield from self._ask(group, heard)
+        return Result(heard.values, heard.lost, self.servos)
 
     def plan(self) -> str:
         """Say packet by packet what a cycle sends, how long that takes on the wire, and how often a second it can."""
@@ -203,27 +226,24 @@ class Cycle:
 
     def _prepare(self) -> None:
         for servo in self.servos:
-            for name in self.write:
-                if _row(servo.target, name) is not servo.model.register("goal_position"):
-                    raise UsageError(f"a cycle sends goal_position, not {name}; write_many() writes other registers")
+            for wanted in self.write:
+                if _row(servo.target, wanted) is not servo.model.register("goal_position"):
+                    raise UsageError(f"a cycle sends goal_position, not {wanted}; write_many() writes other registers")
         if not self.read and not self.write:
             raise UsageError("a cycle without registers to read or write does nothing")
-        old = getattr(self, "_parts", {})
-        self._chain = [servo.id for servo in self.servos]
-        self._parts = {servo.id: _Part(servo, self.read) for servo in self.servos}
-        if len(self._parts) < len(self.servos):
-            twice = next(id for id in self._chain if self._chain.count(id) > 1)
-            raise UsageError(f"id {twice} is named twice, or two servos have it")
-        for id, part in self._parts.items():
-            if id in old:
-                part.motion_status = old[id].motion_status
-        for id in set(self._silent) - self._parts.keys():
-            del self._silent[id]
+        if twice := next((servo for servo in self.servos if self.servos.count(servo) > 1), None):
+            raise UsageError(f"{twice.target} is named twice")
+        old = self._parts
+        self._parts = {servo: _Part(servo, self.read) for servo in self.servos}
+        for servo, part in self._parts.items():
+            if servo in old:
+                part.motion_status = old[servo].motion_status
         groups: dict[tuple[str, int], _Group] = {}
         for part in self._parts.values():
             family, baud = part.servo.family, part.servo.baud
             groups.setdefault((family.name, baud), _Group(family, baud, [])).parts.append(part)
-            longest = math.inf if family.max_move_time is None else family.max_move_time
+            longest = part.target.model.max_move_time
+            longest = math.inf if longest is None else longest
             if not 0 <= self.time <= longest or self.time == math.inf:
                 raise BadValue(f"{part.target}: a move cannot take {self.time} s")
         self._groups = list(groups.values())
@@ -231,38 +251,41 @@ class Cycle:
     def _packets(self, group: _Group) -> list[Exchange[Any]]:
         goals: list[Exchange[Any]] = []
         if self.write:
-            lowest = {part.target: part.target.model.register("goal_position").limits[0] for part in group.parts}
+            lowest: dict[ServoRef, int] = {
+                part.target: part.target.model.register("goal_position").limits[0] for part in group.parts
+            }
             goals += group.family.goals(lowest, self.time)
         return goals + [question for _, _, question in _questions(group.parts)]
 
     # Goals
 
-    def _checked(self, goals: Mapping[int, float], result: Result) -> Procedure[dict[int, int]]:
+    def _checked(self, goals: Mapping[Any, float], heard: _Heard) -> Procedure[dict[_Part, int]]:
         """Give raw goals, less those of servos that do not answer."""
         if not self.write:
             raise UsageError('this cycle only reads; prepare it with write=("goal_position",)')
-        if unknown := goals.keys() - self._parts.keys():
-            known = ", ".join(map(str, self._chain))
-            raise UnknownName(f"id {min(unknown)} is not in this cycle (in it: {known})")
-        raw = {id: raw_goal(self._parts[id].target, angle) for id, angle in goals.items()}
-        for id in list(raw):
-            part = self._parts[id]
+        raw: dict[_Part, int] = {}
+        for key, angle in goals.items():
+            part = self._parts.get(key) or self._parts[pick(self._parts, key, where="in this cycle")]
+            if part in raw:
+                raise UsageError(f"{part.target} is given two goals, by itself and by its id")
+            raw[part] = raw_goal(part.target, angle)
+        for part in list(raw):
             try:
                 if part.motion_status is None:
                     yield SetBaud(part.servo.baud)
                     part.motion_status = yield from part.servo.family.motion_status(part.target)
-                yield from self._check(part, part.motion_status, raw[id])
+                yield from self._check(part, part.motion_status, raw[part])
             except NoReply as error:
-                result.lost[id] = error
-                del raw[id]
+                heard.lost[part.servo] = error
+                del raw[part]
         return raw
 
     def _check(self, part: _Part, motion_status: MotionStatus, raw: int) -> Procedure[None]:
         """Refuse a goal that this servo would not follow, or must not."""
-        target, notes, row = part.target, part.servo.notes, part.target.model.register("goal_position")
-        enable = target.model.register("torque_enable")
-        torque = target.model.family.torque_on(notes.ram[enable]) if enable in notes.ram else motion_status.torque
-        if notes.restarted or not torque:
+        target, row = part.target, part.target.model.register("goal_position")
+        record, permit, enable = target.record, target.permit, target.model.register("torque_enable")
+        torque = target.model.family.torque_on(record.ram[enable]) if enable in record.ram else motion_status.torque
+        if record.restarted or not torque:
             part.motion_status = None  # somebody may switch it on without our knowing
             raise TorqueOff(f"{target}: torque is off, so nothing would move; switch it on first")
         if motion_status.turning:
@@ -272,44 +295,45 @@ class Cycle:
             part.motion_status = None  # they may be changed
             low, high = row.show(row.decode(motion_status.low)), row.show(row.decode(motion_status.high))
             raise BadValue(f"{target}: {row.show(row.decode(raw))} is outside the limits set in it, {low} .. {high}")
-        if notes.max_step is not None:
+        if permit.max_step is not None:
             here = part.position
             if here is None:
                 yield SetBaud(part.servo.baud)
                 present = target.model.register("present_position")
                 (found,) = yield from target.model.family.read(target, [present])
                 here = present.decode(found)
-            notes.check_step(str(target), abs(row.decode(raw) - here))
+            permit.check_step(str(target), abs(row.decode(raw) - here))
 
-    def _send(self, group: _Group, goals: Mapping[ServoRef, int], result: Result) -> Procedure[None]:
+    def _send(self, group: _Group, goals: Mapping[_Part, int], heard: _Heard) -> Procedure[None]:
+        raw: dict[ServoRef, int] = {part.target: goal for part, goal in goals.items()}
         try:
-            yield from group.family.goals(goals, self.time)
+            yield from group.family.goals(raw, self.time)
         except BusError as error:  # the line was not quiet, or its echo broken
-            result.lost.update({target.id: error for target in goals})
+            heard.lost.update({part.servo: error for part in goals})
 
     # Readings
 
-    def _ask(self, group: _Group, result: Result) -> Procedure[None]:
-        asked = _questions([part for part in group.parts if part.target.id not in self._silent])
+    def _ask(self, group: _Group, heard: _Heard) -> Procedure[None]:
+        asked = _questions([part for part in group.parts if part.servo not in self._silent])
         # Where speeds change servos may have taken what others were told for the start of a packet.
         again = len({group.baud for group in self._groups}) > 1
-        heard = (yield Batch([question for *_, question in asked], again=again)) if asked else []
+        came = (yield Batch([question for *_, question in asked], again=again)) if asked else []
         answers: dict[_Part, list[Any]] = {}
-        for (part, _, _), answer in zip(asked, heard, strict=True):
+        for (part, _, _), answer in zip(asked, came, strict=True):
             answers.setdefault(part, []).append(answer)
-        yield from self._ask_silent(group, result)
+        yield from self._ask_silent(group, heard)
         for part, found in answers.items():
-            self._take(part, found, result)
-        for id, error in self._silent.items():
-            if self._parts[id] in group.parts:
-                result.lost[id] = error
+            self._take(part, found, heard)
+        for servo, error in self._silent.items():
+            if self._parts[servo] in group.parts:
+                heard.lost[servo] = error
 
-    def _ask_silent(self, group: _Group, result: Result) -> Procedure[None]:
+    def _ask_silent(self, group: _Group, heard: _Heard) -> Procedure[None]:
         """Ask those that were silent last time, until one still is: then the others wait for their turn."""
-        due = self.transport.now() >= self._next_try
-        for id in list(self._silent):
-            part = self._parts[id]
-            if part not in group.parts or not (due or id in self._fresh):
+        due = (yield Now()) >= self._next_try if self._silent else False
+        for servo in list(self._silent):
+            part = self._parts[servo]
+            if part not in group.parts or not (due or servo in self._fresh):
                 continue
             answers: list[Any] = []
             try:
@@ -317,27 +341,26 @@ class Cycle:
                     answers += [(yield question)]
             except BusError as error:
                 answers = [error]
-            del self._silent[id]  # and to the end, if it still is silent
-            self._take(part, answers, result)
-            if id in self._silent:
+            del self._silent[servo]  # and to the end, if it still is silent
+            self._take(part, answers, heard)
+            if servo in self._silent:
                 self._fresh.clear()
-                self._next_try = self.transport.now() + RETRY
+                self._next_try = (yield Now()) + RETRY
                 return
 
-    def _take(self, part: _Part, answers: Sequence[Any], result: Result) -> None:
+    def _take(self, part: _Part, answers: Sequence[Any], heard: _Heard) -> None:
         """Put what a servo answered into the result."""
-        id = part.target.id
         error = next((answer for answer in answers if isinstance(answer, BusError)), None)
         if error is None:
-            self._fresh.discard(id)
+            self._fresh.discard(part.servo)
             try:
-                result[id] = part.decode(answers)
+                heard.values[part.servo] = part.decode(answers)
             except BusError as meaningless:
-                result.lost[id] = meaningless
+                heard.lost[part.servo] = meaningless
             return
         part.position = None
-        self._silent[id] = error
-        self._fresh.add(id)
+        self._silent[part.servo] = error
+        self._fresh.add(part.servo)
 
 
 class BusCycle(Blocking, Cycle):
@@ -366,6 +389,12 @@ def _questions(parts: Sequence[_Part]) -> list[tuple[_Part, int, Exchange[bytes]
     """Give the first question to each servo, then the second to each, and so on: no servo is asked twice in a row."""
     most = max((len(part.questions) for part in parts), default=0)
     return [(part, n, part.questions[n]) for n in range(most) for part in parts if n < len(part.questions)]
+
+
+def _names(registers: Iterable[Register[Any] | str] | Register[Any] | str) -> tuple[str, ...]:
+    """Give the names of registers: one of a model stands for that of the same name on all."""
+    several = (registers,) if isinstance(registers, Register | str) else registers
+    return tuple(row.name if isinstance(row, Register) else row for row in several)
 
 
 def _row(target: ServoRef, name: str) -> Register[Any]:

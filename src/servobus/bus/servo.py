@@ -4,18 +4,20 @@
 out and gives the result, or an awaitable of it.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from enum import IntFlag
 from typing import Any, TypeVar
 
+from servobus.core.closed import Closed
 from servobus.core.exchange import Exchange, Job, Procedure
 from servobus.core.operation import bus_method
 from servobus.core.registers import Register
 from servobus.core.units import Flags
 from servobus.core.values import replace
-from servobus.errors import Restarted, UsageError
-from servobus.families.base import Answers, Family, Model, ServoRef
-from servobus.families.record import SafeAction, ServoRecord, check_max_step
+from servobus.errors import BusError, Restarted, UsageError
+from servobus.families.base import Answers, Family, KnownServo, Model, ServoRef, policy_register
+from servobus.families.record import MotionPermit, SafeAction, ServoRecord, check_max_step
 from servobus.jobs import reconfigure
 from servobus.jobs.backup import Backup, backup, restore
 from servobus.jobs.look import Snapshot, identify_at, look, verify
@@ -23,31 +25,46 @@ from servobus.jobs.move import PlannedMove, plan, require_torque, start_move
 from servobus.safety.safe_stop import check_safe_action
 
 T = TypeVar("T")
+V = TypeVar("V")
 
 
-class Servo:
+class Servo(Closed):
     """One servo on a bus.
 
     `state` is what was last seen of it (None before the first look), `alarms` the alarm bits of its last
     reply, `latched` all that were seen since it was last rearmed. Printing a servo shows them; it asks nothing.
-    `notes` is what we wrote to it, and the limits of what may be written.
+    `record` is what was written to it, `permit` whether and how far it may be moved.
     """
 
-    def __init__(self, target: ServoRef, baud: int, firmware: str = "") -> None:
-        self.notes = target.notes or ServoRecord()
-        self.target = replace(target, notes=self.notes)
-        self.baud = baud
+    def __init__(self, target: KnownServo, firmware: str = "") -> None:
+        self.target = target
         self.firmware = firmware
         self.state: Snapshot | None = None
         self.alarms: int = 0
         self.latched: int = 0
         self._asked: ServoRef | None = None
-        self._questions: dict[Register[Any], Exchange[Any]] = {}
+        self._questions: dict[Register[Any] | str, Exchange[Any]] = {}
         """Questions for single registers, made when first asked, for `_asked`."""
+        self._close()
 
     @property
     def id(self) -> int:
         return self.target.id
+
+    @property
+    def baud(self) -> int:
+        """Speed at which it is spoken to, bit/s; `change_baud` sets it."""
+        return self.target.baud
+
+    @property
+    def record(self) -> ServoRecord:
+        """What was written to it: EEPROM writes, and what its RAM should hold."""
+        return self.target.record
+
+    @property
+    def permit(self) -> MotionPermit:
+        """Whether, how fast and how far it may be moved, and whether it is being moved."""
+        return self.target.permit
 
     @property
     def model(self) -> type[Model]:
@@ -60,12 +77,12 @@ class Servo:
     @property
     def eeprom_writes(self) -> int:
         """Values that were really written to the EEPROM; those it had already are not among them."""
-        return self.notes.eeprom_writes
+        return self.record.eeprom_writes
 
     @property
     def restarted(self) -> bool:
         """Whether `verify` found that it lost its RAM; until `torque_on` or `rearm` it is not moved."""
-        return self.notes.restarted
+        return self.record.restarted
 
     @property
     def max_step(self) -> float | None:
@@ -73,11 +90,11 @@ class Servo:
 
         Goals beyond it are refused with BadValue, by moves and by writes of a goal position.
         """
-        return self.notes.max_step
+        return self.permit.max_step
 
     @max_step.setter
     def max_step(self, step: float | None) -> None:
-        self.notes.max_step = check_max_step(step)
+        self.permit.max_step = check_max_step(step)
 
     @property
     def safe_action(self) -> SafeAction:
@@ -86,11 +103,11 @@ class Servo:
         "hold" ends its motion and holds the present position, "free" switches the torque off, "brake" shorts its motor
         (HerkuleX only; UsageError elsewhere).
         """
-        return self.notes.safe_action or "hold"
+        return self.permit.safe_action or "hold"
 
     @safe_action.setter
     def safe_action(self, action: SafeAction) -> None:
-        self.notes.safe_action = check_safe_action(action, [self.target])
+        self.permit.safe_action = check_safe_action(action, [self.target])
 
     # Who and what
 
@@ -141,8 +158,11 @@ class Servo:
     # Registers
 
     @bus_method
-    def read(self, register: Register[T]) -> Job[T]:
-        """Read one register, in its unit: `servo.read(RX28.present_position)` gives radians."""
+    def read(self, register: Register[T] | str) -> Job[T]:
+        """Read one register, in its unit: `servo.read(RX28.present_position)` gives radians.
+
+        Here and everywhere a name or an alias stands for the register: `servo.read("present_position")`.
+        """
         if self._asked is not self.target:
             self._asked, self._questions = self.target, {}
         question = self._questions.get(register)
@@ -151,40 +171,41 @@ class Servo:
         return question
 
     @bus_method
-    def read_many(self, registers: Sequence[Register[Any]]) -> Procedure[dict[str, Any]]:
+    def read_many(self, registers: Iterable[Register[Any] | str]) -> Procedure[dict[str, Any]]:
         """Read several registers in as few exchanges as possible; gives name -> value."""
-        values = yield from self.family.read(self.target, [self._own(register) for register in registers])
-        return {register.name: register.decode(raw) for register, raw in zip(registers, values, strict=True)}
+        rows = [self._own(register) for register in registers]
+        values = yield from self.family.read(self.target, rows)
+        return {row.name: row.decode(raw) for row, raw in zip(rows, values, strict=True)}
 
     @bus_method
-    def read_raw(self, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+    def read_raw(self, registers: Iterable[Register[Any] | str]) -> Procedure[list[int]]:
         """Read several registers as raw integers."""
         return self.family.read(self.target, [self._own(register) for register in registers])
 
     @bus_method
-    def write(self, register: Register[T], value: T) -> Procedure[None]:
+    def write(self, register: Register[T] | str, value: T) -> Procedure[None]:
         """Write one register so that it acts at once. Raises BadValue before anything is sent.
 
         A register in EEPROM is read first, and written only if it differs; after ten writes within a minute
         EepromWear is raised.
         """
-        return self._write({self._own(register): register.encode(value)})
+        row = self._own(register)
+        return self._write({row: row.encode(value)})
 
     @bus_method
-    def write_many(self, values: Mapping[Register[Any], Any]) -> Procedure[None]:
+    def write_many(self, values: Mapping[Any, Any]) -> Procedure[None]:
         """Write several registers in as few exchanges as possible. Raises BadValue before anything is sent."""
-        return self._write({self._own(register): register.encode(value) for register, value in values.items()})
+        return self._write({row: row.encode(value) for row, value in self._rows(values).items()})
 
     @bus_method
-    def write_raw(self, values: Mapping[Register[Any], int]) -> Procedure[None]:
+    def write_raw(self, values: Mapping[Any, int]) -> Procedure[None]:
         """Write raw integers. Raises BadValue before anything is sent."""
-        return self._write({self._own(register): register.check(raw) for register, raw in values.items()})
+        return self._write({row: row.check(raw) for row, raw in self._rows(values).items()})
 
     @bus_method
-    def store(self, values: Mapping[Register[Any], Any]) -> Procedure[None]:
+    def store(self, values: Mapping[Any, Any]) -> Procedure[None]:
         """Write registers so that they survive power-off. Raises BadValue before anything is sent."""
-        raw = {self._own(register): register.encode(value) for register, value in values.items()}
-        return self._write(raw, keep=True)
+        return self._write({row: row.encode(value) for row, value in self._rows(values).items()}, keep=True)
 
     # Motion
 
@@ -194,21 +215,21 @@ class Servo:
     ) -> Procedure[PlannedMove]:
         """Start a move and give what is needed to wait for its end; see `move`."""
         course = yield from plan({self.target: angle}, time=time, speed=speed)
-        require_torque([course])
+        require_torque(course)
         yield from start_move(course)
         return course
 
     @bus_method
     def torque_on(self) -> Procedure[None]:
         """Switch the torque on; the goal becomes the present position first, so that nothing jumps."""
-        self.notes.mark_moving()
+        self.permit.mark_moving()
         yield from self.family.torque(self.target, on=True)
 
     @bus_method
     def torque_off(self) -> Procedure[None]:
         """Switch the torque off: the shaft turns freely."""
         yield from self.family.torque(self.target, on=False)
-        self.notes.mark_idle()
+        self.permit.mark_idle()
 
     @bus_method
     def rearm(self) -> Procedure[None]:
@@ -217,17 +238,17 @@ class Servo:
         Nothing jumps: the goal becomes the present position first. Raises Refused, with the alarms as `flags`, if the
         cause is still there; then the torque stays off.
         """
-        self.notes.mark_moving()
+        self.permit.mark_moving()
         yield from self.family.rearm(self.target)
         self.note_alarms((yield from self.family.read_alarms(self.target)))
         self.latched = self.alarms
-        self.notes.restarted = False
+        self.record.restarted = False
 
     @bus_method
     def stop(self) -> Procedure[None]:
         """End the motion and hold the present position."""
-        yield from self.family.stop(replace(self.target, notes=None))  # no limit of one step stands against it
-        self.notes.stopped = True
+        yield from self.family.stop(self.target)
+        self.permit.stopped = True
 
     @bus_method
     def turn(self, *, speed: float | None = None, output: float | None = None) -> Procedure[None]:
@@ -260,7 +281,7 @@ class Servo:
     def reboot(self) -> Procedure[None]:
         """Restart the servo: RAM registers get their start values, torque goes off."""
         yield from self.family.reboot(self.target)
-        self.notes.mark_idle()
+        self.permit.mark_idle()
         yield from self._meet_again(self.id)
 
     @bus_method
@@ -269,10 +290,10 @@ class Servo:
 
         Raises UsageError if another servo has the factory id that this one would get.
         """
-        end = yield from reconfigure.reset(self.target, self.baud, keep)
+        end = yield from reconfigure.reset(self.target, keep)
         self._follow(end.id, end.baud)
-        self.notes.forget()
-        self.notes.mark_idle()
+        self.record.forget()
+        self.permit.mark_idle()
         yield from self._meet_again(self.id)
 
     @bus_method
@@ -282,13 +303,13 @@ class Servo:
         If the line fails on the way the servo is looked for under both ids: BusError says that it has the old one,
         NoReply that it has neither. The id here is the one under which it was found.
         """
-        yield from reconfigure.change_id(self.target, self.baud, id)
+        yield from reconfigure.change_id(self.target, id)
         self._follow(id, self.baud)
 
     @bus_method
     def change_baud(self, baud: int) -> Procedure[None]:
         """Set the servo to another speed and check that it answers there; see `change_id` for a line that fails."""
-        yield from reconfigure.change_baud(self.target, self.baud, baud)
+        yield from reconfigure.change_baud(self.target, baud)
         self._follow(self.id, baud)
         yield from self._meet_again(self.id)
 
@@ -301,9 +322,12 @@ class Servo:
     def restore(self, saved: Backup) -> Procedure[list[str]]:
         """Write the settings of a backup that differ; gives their names. Id and speed stay as they are.
 
-        Raises UsageError for a backup of another model, before anything is written.
+        Raises UsageError for a backup of another model, before anything is written. Which requests the servo answers
+        is set last.
         """
-        return restore(self.target, saved)
+        policy = policy_register(self.model)
+        wanted = {} if policy is None or policy.name not in saved.values else {policy: saved.values[policy.name]}
+        return (yield from self._under_new_policy(wanted, restore(self.target, saved)))
 
     # Printing
 
@@ -326,6 +350,19 @@ class Servo:
     def __repr__(self) -> str:
         return f"<{self}>"
 
+    def _no_attribute(self, name: str) -> str:
+        """Say what to do instead of setting this attribute: most often a register is meant."""
+        verb = {"id": "change_id(...)", "baud": "change_baud(...)"}.get(name)
+        if verb is not None:
+            return f"{self.target}: {name} is not set like this; use servo.{verb}"
+        row = self.model.registers.get(self.model.aliases.get(name, name))
+        example = f"servo.write({self.model.__name__}.{'goal_position' if row is None else row.name}, ...)"
+        if row is not None:
+            return f"{self.target}: to write a register: {example}; nothing was sent"
+        if hasattr(type(self), name):
+            return f"{self.target}: {name} cannot be set; to write a register: {example}"
+        return f"{self.target} has no attribute {name!r}; to write a register: {example}"
+
     def _meet_again(self, id: int) -> Procedure[None]:
         """Learn by what policy the servo answers now that it may have restarted."""
         identity = yield from identify_at(self.family, id, self.baud)
@@ -333,8 +370,7 @@ class Servo:
 
     def _follow(self, id: int, baud: int) -> None:
         """Take note of where the servo is now."""
-        self.target = replace(self.target, id=id)
-        self.baud = baud
+        self.target = replace(self.target, id=id, baud=baud)
 
     @staticmethod
     def _flags_text(flags: int) -> str:
@@ -351,17 +387,28 @@ class Servo:
 
     def _own(self, register: Register[T] | str) -> Register[T]:
         if isinstance(register, str):
-            row = self.model.register(register)
-            raise UsageError(f"{register!r} is a name: write {self.model.__name__}.{row.name}, the register itself")
-        if self.model.registers.get(register.name) is not register:
-            raise UsageError(f"{register.model} {register.name} is not a register of {self.model.title}")
-        return register
+            return self.model.register(register)
+        given: object = register
+        if not isinstance(given, Register):
+            example = f"{self.model.__name__}.present_position"
+            raise UsageError(f"{register!r} is no register: give one such as {example}, or its name")
+        return self.model.own(register)
+
+    def _rows(self, values: Mapping[Any, V]) -> dict[Register[Any], V]:
+        """Give values by register. Raises UsageError for one that is given twice, by its name and by an alias."""
+        rows: dict[Register[Any], V] = {}
+        for register, value in values.items():
+            row = self._own(register)
+            if row in rows:
+                raise UsageError(f"{self.target}: {row.name} is given twice")
+            rows[row] = value
+        return rows
 
     def _no_identity(self, registers: Iterable[Register[Any]]) -> None:
         """Refuse what would lose the servo. Raises UsageError."""
-        verbs = {"id": "change_id", self.model.aliases.get("baud", "baud"): "change_baud"}
+        verbs = {self.model.register("id"): "change_id", self.model.optional("baud"): "change_baud"}
         for register in registers:
-            if verb := verbs.get(register.name):
+            if verb := verbs.get(register):
                 raise UsageError(
                     f"{self.target}: a write of {register.name} would lose the servo; use {verb}(), "
                     "which makes sure that it is found again"
@@ -372,17 +419,28 @@ class Servo:
         torque = self.model.register("torque_enable")
         if self.family.sets_going(self.target, raw):
             self._go(waking=torque in raw)
-        yield from (self.family.store if keep else self.family.write)(self.target, raw)
-        # From now on the servo answers by the new policy.
-        level = self.model.aliases.get("answer_level", "answer_level")
-        for register, value in raw.items():
-            if register.name == level:
-                self.target = replace(self.target, answers=Answers(value))
+        write = self.family.store if keep else self.family.write
+        yield from self._under_new_policy(raw, write(self.target, raw))
         if torque in raw and not self.family.torque_on(raw[torque]):
-            self.notes.mark_idle()
+            self.permit.mark_idle()
+
+    def _under_new_policy(self, raw: Mapping[Register[Any], int], job: Procedure[T]) -> Procedure[T]:
+        """Carry out a job that may set which requests the servo answers; from its end on answers are expected so."""
+        policy = policy_register(self.model)
+        if policy is None or policy not in raw:
+            return (yield from job)
+        try:
+            result = yield from job
+        except BusError:
+            # Nothing tells whether the policy was written before the failure: ask, and if that fails too, stay.
+            with suppress(BusError):
+                yield from self._meet_again(self.id)
+            raise
+        self.target = replace(self.target, answers=Answers(raw[policy]))
+        return result
 
     def _go(self, *, waking: bool = False) -> None:
         """Take note that it is set in motion. Raises Stopped if it must not be, Restarted if that would wake it up."""
         if self.restarted and not waking:
             raise Restarted(f"{self.target} has restarted, and is not moved before torque_on() or rearm()")
-        self.notes.mark_moving()
+        self.permit.mark_moving()

@@ -9,7 +9,7 @@ from servobus.cli.options import Where, find, on_servo, opened, verb
 from servobus.cli.output import note
 from servobus.core.present import value_text
 from servobus.errors import UsageError
-from servobus.jobs.backup import Backup
+from servobus.jobs.backup import Backup, identity_names
 
 
 @verb(
@@ -82,7 +82,7 @@ def show_changes(bus: Bus, servo: BusServo, saved: Backup) -> int:
     """Print what restoring would change; give the number of settings. Raises UsageError for another model."""
     if saved.model is not servo.model:
         raise UsageError(f"the backup is of a {saved.model.title}, {servo.target} is another model")
-    skip = {"id", saved.model.aliases.get("baud", "baud")}
+    skip = identity_names(saved.model)
     rows = [saved.model.registers[name] for name in saved.values if name not in skip]
     present = bus.do(servo.family.read_stored(servo.target, rows), baud=servo.baud)
     count = 0

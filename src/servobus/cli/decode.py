@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from servobus import FAMILIES
-from servobus.cli.options import as_json, verb
+from servobus.cli.options import FamilyOption, as_json, verb
 from servobus.cli.output import note, print_json
 from servobus.cli.packets import print_events, print_summary
 from servobus.core.framing import Corrupt, Packet
@@ -17,7 +17,6 @@ from servobus.families.base import Family, Model
 from servobus.families.present import packet_entries
 from servobus.traffic.present import BYTES_PER_LINE
 from servobus.traffic.recording import is_recording, parse
-from servobus.traffic.streams import first_model
 from servobus.traffic.tracker import Tracker
 
 INDENT = " " * 8
@@ -33,7 +32,7 @@ INDENT = " " * 8
     "cat /tmp/capture.bin | servobus decode -",
 )
 @click.argument("source", metavar="HEX...|FILE|-", nargs=-1, required=True)
-@click.option("--family", metavar="FAMILY", help="dynamixel, herkulex or lewansoul; else what fits best.")
+@click.option("--family", cls=FamilyOption, metavar="FAMILY", help="{families}; else what fits best.")
 @click.option("--model", metavar="MODEL", help="Whose registers; else those of the family's first model.")
 @as_json
 def decode(source: tuple[str, ...], family: str | None, model: str | None, json: bool) -> None:
@@ -94,7 +93,7 @@ def named(family: str | None, model: str | None) -> tuple[Family | None, type[Mo
 def _model(data: bytes, family: str | None, model: str | None) -> type[Model]:
     """Find whose packets and registers these are, from what is said of them or from the bytes."""
     known, table = named(family, model)
-    return table or first_model(known or guess(data))
+    return table or registry.first_model(known or guess(data))
 
 
 def guess(data: bytes) -> Family:

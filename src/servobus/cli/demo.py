@@ -1,4 +1,4 @@
-"""`demo`: all of it, without hardware."""
+"""`demo`: scan, move and read, without hardware."""
 
 import os
 import threading
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from servobus import MODELS, BusServo, ServobusError
-from servobus.cli.demo_motion import SWING, Dancer
+from servobus.cli.demo_motion import SWING, DemoBus
 from servobus.cli.options import terminated_like_interrupted, verb
 from servobus.cli.output import console, note
 from servobus.core.units import show
@@ -22,11 +22,11 @@ from servobus.virtual.serve.spec import Setup, parse_specs
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-CAST = (("rx28", "1-4", range(1, 7)), ("drs0602", "219,220", range(217, 223)), ("lx16a", "1-3", range(1, 6)))
+SERVOS = (("rx28", "1-4", range(1, 7)), ("drs0602", "219,220", range(217, 223)), ("lx16a", "1-3", range(1, 6)))
 """model, ids of the virtual servos, ids that the scan asks"""
-FRAME = 1 / 20
-"""s between two pictures."""
-LINE = 1.0
+DRAW_PERIOD = 1 / 20
+"""s between two drawings."""
+PRINT_PERIOD = 1.0
 """s between two lines where there is no terminal to draw on."""
 
 
@@ -41,18 +41,18 @@ def demo(seconds: float) -> None:
     if not 0 < seconds <= 3600:
         raise BadValue(f"--seconds {seconds:g} is not in 0 .. 3600")
     with terminated_like_interrupted(), ExitStack() as stack:
-        dancers = [
-            stack.enter_context(Dancer(stack.enter_context(_served(f"{name}@{ids}")), MODELS[name], asked))
-            for name, ids, asked in CAST
+        buses = [
+            stack.enter_context(DemoBus(stack.enter_context(_served(f"{name}@{ids}")), MODELS[name], asked))
+            for name, ids, asked in SERVOS
         ]
-        for dancer in dancers:
-            asked = f"{dancer.ids[0]}-{dancer.ids[-1]}"
-            click.echo(f"servobus scan {dancer.port} --family {dancer.model.family.name} --ids {asked}")
-            for servo in dancer.scan():
+        for one in buses:
+            asked = f"{one.ids[0]}-{one.ids[-1]}"
+            click.echo(f"servobus scan {one.port} --family {one.model.family.name} --ids {asked}")
+            for servo in one.scan():
                 click.echo(f"  {servo}")
         click.echo(f"\nNow they move for {seconds:g} s; Ctrl-C ends it.\n")
-        _dance(dancers, seconds)
-        _summary(dancers)
+        _run(buses, seconds)
+        _summary(buses)
 
 
 @contextmanager
@@ -72,10 +72,10 @@ def _served(spec: str) -> Iterator[str]:
             thread.join()
 
 
-def _dance(dancers: Sequence[Dancer], seconds: float) -> None:
-    """Let all dance, and show it."""
+def _run(buses: Sequence[DemoBus], seconds: float) -> None:
+    """Let the servos of all buses follow the wave, and show it."""
     stop = threading.Event()
-    threads = [threading.Thread(target=dancer.dance, args=(seconds, stop), daemon=True) for dancer in dancers]
+    threads = [threading.Thread(target=one.follow_wave, args=(seconds, stop), daemon=True) for one in buses]
     for thread in threads:
         thread.start()
     try:
@@ -85,14 +85,14 @@ def _dance(dancers: Sequence[Dancer], seconds: float) -> None:
 
             with Live(console=out, auto_refresh=False) as live:
                 while any(thread.is_alive() for thread in threads):
-                    live.update(_picture(dancers), refresh=True)
-                    time.sleep(FRAME)
-                live.update(_picture(dancers), refresh=True)
+                    live.update(_track_table(buses), refresh=True)
+                    time.sleep(DRAW_PERIOD)
+                live.update(_track_table(buses), refresh=True)
         else:
             start = time.monotonic()
             while alive := [thread for thread in threads if thread.is_alive()]:
-                _print_line(dancers, time.monotonic() - start)
-                alive[0].join(LINE)
+                _print_line(buses, time.monotonic() - start)
+                alive[0].join(PRINT_PERIOD)
     except KeyboardInterrupt:
         note("\nending; the torque is released")
         raise click.exceptions.Exit(130) from None
@@ -101,46 +101,46 @@ def _dance(dancers: Sequence[Dancer], seconds: float) -> None:
         stop.set()
         for thread in threads:
             thread.join()
-    for dancer in dancers:
-        if dancer.failure is not None:
-            raise dancer.failure
+    for one in buses:
+        if one.failure is not None:
+            raise one.failure
 
 
-def _picture(dancers: Sequence[Dancer]) -> "RenderableType":
+def _track_table(buses: Sequence[DemoBus]) -> "RenderableType":
     from rich.table import Table  # noqa: PLC0415 - slow to import, and only wanted on terminals
 
     from servobus.cli.progress import angle, bar  # noqa: PLC0415 - needs rich
 
     table = Table.grid(padding=(0, 1))
-    for dancer in dancers:
-        low, high = dancer.middle - 1.2 * SWING, dancer.middle + 1.2 * SWING
-        for place, (id, seen) in enumerate(list(dancer.seen.items())):
-            title = dancer.model.title if place == 0 else ""
-            way = bar(seen.position, seen.goal, low, high, 44)
-            table.add_row(title, f"id {id}", angle(seen.position), way)
+    for one in buses:
+        low, high = one.middle - 1.2 * SWING, one.middle + 1.2 * SWING
+        for place, (id, track) in enumerate(list(one.tracks.items())):
+            title = one.model.title if place == 0 else ""
+            way = bar(track.position, track.goal, low, high, 44)
+            table.add_row(title, f"id {id}", angle(track.position), way)
     return table
 
 
-def _print_line(dancers: Sequence[Dancer], seconds: float) -> None:
+def _print_line(buses: Sequence[DemoBus], seconds: float) -> None:
     parts = [
-        f"{dancer.model.title} " + " ".join(show(seen.position, "rad") for seen in list(dancer.seen.values()))
-        for dancer in dancers
+        f"{one.model.title} " + " ".join(show(track.position, "rad") for track in list(one.tracks.values()))
+        for one in buses
     ]
     click.echo(f"{seconds:5.1f} s  " + " | ".join(parts))
 
 
-def _summary(dancers: Sequence[Dancer]) -> None:
+def _summary(buses: Sequence[DemoBus]) -> None:
     click.echo("\nAsked for, and read back:")
-    for dancer in dancers:
-        for id, seen in dancer.seen.items():
-            asked, read = show(seen.goal, "rad"), show(seen.position, "rad")
-            servo: BusServo = dancer.bus[id]
+    for one in buses:
+        for id, track in one.tracks.items():
+            asked, read = show(track.goal, "rad"), show(track.position, "rad")
+            servo: BusServo = one.bus[id]
             servo.look()
             torque = "on" if servo.state and servo.state.torque else "off"
             click.echo(f"  {servo.target!s:<16} {asked:>7} {read:>7}   torque {torque}")
             if torque == "on":
                 raise ServobusError(f"{servo.target}: the torque is still on")
-    moves = ", ".join(f"{dancer.moves} of {len(dancer.seen)} {dancer.model.title}" for dancer in dancers)
+    moves = ", ".join(f"{one.moves} of {len(one.tracks)} {one.model.title}" for one in buses)
     click.echo(f"Moves sent: {moves}. Torque is off.\n")
     click.echo("The same with servos of yours:")
     click.echo("  servobus scan /dev/ttyUSB0")

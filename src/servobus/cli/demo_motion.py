@@ -1,4 +1,4 @@
-"""What the demo does on one bus: look around, follow a wave, come to rest."""
+"""What the demo does on one bus: scan, follow a sine wave, come to rest."""
 
 import math
 import threading
@@ -12,20 +12,20 @@ from servobus import Bus, BusServo
 from servobus.core.units import deg
 from servobus.families.base import Model
 
-BEAT = 0.2
-"""s between two moves; each leads to where the wave will be at the next beat."""
+STEP_TIME = 0.2
+"""s between two moves; each leads to where the wave will be at the next step."""
 PERIOD = 4.0
 """s of one wave."""
 SWING = 80 * deg
 """How far a wave goes to either side. With PERIOD it makes 126°/s at most, which all models reach."""
-LOOKS = 3
-"""Times that positions are read in a beat."""
+READS_PER_STEP = 3
+"""How often positions are read between two moves."""
 APPROACH = 1.2
 """s of the moves that lead to the wave's start and back to the middle."""
 
 
 @dataclass
-class Seen:
+class Track:
     """Where one servo is, and where it is going, rad."""
 
     position: float
@@ -33,14 +33,14 @@ class Seen:
 
 
 @dataclass
-class Dancer:
+class DemoBus:
     """One bus with servos of one family, driven by a thread of its own."""
 
     port: str
     model: type[Model]
     ids: range
     """Ids to ask in the scan."""
-    seen: dict[int, Seen] = field(default_factory=dict)
+    tracks: dict[int, Track] = field(default_factory=dict)
     moves: int = 0
     failure: BaseException | None = None
 
@@ -62,29 +62,35 @@ class Dancer:
 
     def scan(self) -> list[BusServo]:
         servos = self.bus.scan(family=self.model.family, ids=self.ids)
-        self.look()
+        self.read_positions()
         return servos
 
-    def look(self) -> None:
-        """Read where all are."""
-        for id, position in self.bus.read_all("present_position").items():
-            old = self.seen.get(id)
-            self.seen[id] = Seen(position, old.goal if old else position)
+    def read_positions(self) -> None:
+        """Read where all servos are."""
+        for id, position in self.bus.read_all("present_position").by_id().items():
+            old = self.tracks.get(id)
+            self.tracks[id] = Track(position, old.goal if old else position)
 
-    def dance(self, seconds: float, stop: threading.Event) -> None:
-        """Follow the wave for this long, then rest in the middle. Torque is released whatever happens."""
+    def follow_wave(self, seconds: float, stop: threading.Event) -> None:
+        """Follow the wave for so many s, then rest in the middle. Torque is switched off whatever happens."""
         try:
             with self.bus.torque():
                 self._go(self._wave(0.0), APPROACH, stop)
                 start = time.monotonic()
                 while (now := time.monotonic() - start) < seconds and not stop.is_set():
-                    beat = (math.floor(now / BEAT) + 1) * BEAT
-                    self._move(self._wave(beat), max(beat - now, BEAT / 4))
-                    for look in range(LOOKS):
-                        self.look()
-                        stop.wait(max(0.0, (beat - (LOOKS - 1 - look) * BEAT / LOOKS) - (time.monotonic() - start)))
-                self._go(dict.fromkeys(self.seen, self.middle), APPROACH, stop)
-        except BaseException as error:  # noqa: BLE001 - told by the main thread
+                    step = (math.floor(now / STEP_TIME) + 1) * STEP_TIME
+                    self._move(self._wave(step), max(step - now, STEP_TIME / 4))
+                    for read in range(READS_PER_STEP):
+                        self.read_positions()
+                        stop.wait(
+                            max(
+                                0.0,
+                                (step - (READS_PER_STEP - 1 - read) * STEP_TIME / READS_PER_STEP)
+                                - (time.monotonic() - start),
+                            )
+                        )
+                self._go(dict.fromkeys(self.tracks, self.middle), APPROACH, stop)
+        except BaseException as error:  # noqa: BLE001 - the main thread raises it
             self.failure = error
             stop.set()
 
@@ -92,23 +98,23 @@ class Dancer:
         """Tell where each servo should be: the same wave, a little later for each."""
         return {
             id: self.middle + SWING * math.sin(2 * math.pi * moment / PERIOD - place * math.pi / 3)
-            for place, id in enumerate(self.seen)
+            for place, id in enumerate(self.tracks)
         }
 
     def _go(self, goals: dict[int, float], seconds: float, stop: threading.Event) -> None:
-        """Move, look on until it is over, and make sure that all arrived."""
+        """Move, read positions until the move is over, and make sure that all arrived."""
         if stop.is_set():
             return
         move = self._move(goals, seconds)
         end = time.monotonic() + seconds
-        while time.monotonic() < end and not stop.wait(BEAT / LOOKS):
-            self.look()
+        while time.monotonic() < end and not stop.wait(STEP_TIME / READS_PER_STEP):
+            self.read_positions()
         if not stop.is_set():
             move.wait()
-        self.look()
+        self.read_positions()
 
     def _move(self, goals: dict[int, float], seconds: float) -> servobus.Move:
         for id, goal in goals.items():
-            self.seen[id].goal = goal
+            self.tracks[id].goal = goal
         self.moves += 1
         return self.bus.move(goals, time=seconds)

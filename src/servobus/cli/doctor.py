@@ -11,6 +11,7 @@ from servobus.cli.output import console, print_json
 from servobus.core.ids import LAST_ID
 from servobus.doctor import Finding, Level, Plan, Rounds, examine
 from servobus.errors import BadValue
+from servobus.families import registry
 
 if TYPE_CHECKING:
     import rich.progress
@@ -42,7 +43,7 @@ def doctor(port: str, where: Where, ids: str, reads: int, json: bool) -> None:
         raise BadValue(f"--reads {reads} is not in 0 .. {MOST_READS}")
     if not port.strip():
         raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
-    plan = Plan(where.rounds(), _spare(where), id_list(ids), reads)
+    plan = Plan(list(where.rounds()), _spare(where), id_list(ids), reads, where.model)
     findings = []
     with ExitStack() as stack:
         bar = Bar(stack)
@@ -63,9 +64,11 @@ def _spare(where: Where) -> Rounds:
     """List the speeds to try if nobody answers at the factory speeds, the likely ones of all families first."""
     if where.baud is not None:
         return ()
-    rounds = [(family, place, baud) for family, _ in where.rounds() for place, baud in enumerate(family.bauds)]
+    rounds = [
+        (family, place, baud) for family, _ in where.rounds() for place, baud in enumerate(where.usual_bauds(family))
+    ]
     rounds.sort(key=lambda item: item[1])
-    return [(family, (baud,)) for family, _, baud in rounds if baud != family.default_baud]
+    return [(family, (baud,)) for family, _, baud in rounds if baud not in registry.factory_bauds(family)]
 
 
 def _tell(finding: Finding) -> None:

@@ -1,6 +1,6 @@
-"""`servobus virtual --show`: every servo of the rig in a table that lives.
+"""`servobus virtual --show`: every servo of the rig in a table that is drawn again and again.
 
-A thread draws; the looks at the servos are taken between two events of the bus, few at a time, so that no answer
+A thread draws; the snapshots of the servos are taken between two events of the bus, few at a time, so that no reply
 waits for them. The table goes to standard error: standard output is for programs that wait for `ready`.
 """
 
@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from servobus.virtual.device.snapshot import VirtualSnapshot, glance
+from servobus.virtual.device.snapshot import VirtualSnapshot, take_snapshot
 from servobus.virtual.serve.rig import Rig
 
 if TYPE_CHECKING:
@@ -19,59 +19,59 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 PERIOD = 0.1
-"""s between two pictures."""
-SHARE = 0.2
+"""s between two drawings."""
+CPU_SHARE = 0.2
 """Of the processor, that drawing may take: large tables are drawn less often."""
 BUDGET = 0.001
-"""s after which the looks at the servos let the bus have its turn."""
-SWITCH = 0.0005
+"""s that taking snapshots may hold the bus up; then it has its turn."""
+SWITCH_INTERVAL = 0.0005
 """s after which Python takes the processor from the thread that draws; its 5 ms could be felt on the bus."""
-AROUND = 6
+OTHER_LINES = 6
 """Lines of the terminal beside those of the servos."""
 
 _COLOURS = {
     "on": "bright_white", "red": "red", "green": "green", "blue": "bright_blue", "green+red": "yellow",
     "blue+green": "cyan", "blue+red": "magenta", "blue+green+red": "bright_white",
 }  # fmt: skip
-"""What a light shows, its colours in the order of the alphabet -> how a terminal shows it."""
+"""What an LED shows, its colours in the order of the alphabet -> how a terminal shows it."""
 
 
-class Show:
-    """Draws a rig that is being served until `stop`; what `say` is told stands below."""
+class LiveTable:
+    """Draws a rig that is being served until `stop`; a note stands below the table."""
 
     def __init__(self, rig: Rig, stop: threading.Event, console: "Console | None" = None) -> None:
         self.rig = rig
         self._stop = stop
         self._console = console
-        self._name = self._said = ""
-        self._thread = threading.Thread(target=self._run, name="show", daemon=True)
+        self._name = self._note = ""
+        self._thread = threading.Thread(target=self._run, name="live table", daemon=True)
 
-    def say(self, text: str) -> None:
+    def show_note(self, text: str) -> None:
         """Have a line or more stand below the table."""
-        self._said = text
+        self._note = text
 
     def start(self, name: str) -> None:
         """Begin to draw; the servos are served under this name."""
         self._name = name
-        sys.setswitchinterval(SWITCH)
+        sys.setswitchinterval(SWITCH_INTERVAL)
         self._thread.start()
 
     def join(self) -> None:
-        """Wait until the last picture is drawn, after `stop`."""
+        """Wait until the table is drawn for the last time, after `stop`."""
         if self._thread.is_alive():
             self._thread.join()
 
-    def look(self, timeout: float = 5.0) -> list[VirtualSnapshot]:
-        """Look at all servos; empty if nobody serves them for so long, or `stop` is set."""
-        servos, seen, done = self.rig.servos, list[VirtualSnapshot](), threading.Event()
+    def snapshots(self, timeout: float = 5.0) -> list[VirtualSnapshot]:
+        """Take a snapshot of every servo; none if the rig is not served for `timeout` s, or `stop` is set."""
+        servos, taken, done = self.rig.servos, list[VirtualSnapshot](), threading.Event()
 
         def some(now: float) -> None:
             started = time.monotonic()
-            while len(seen) < len(servos) and time.monotonic() - started < BUDGET:
-                servo = servos[len(seen)]
+            while len(taken) < len(servos) and time.monotonic() - started < BUDGET:
+                servo = servos[len(taken)]
                 servo.advance(now)
-                seen.append(glance(servo))
-            if len(seen) < len(servos):
+                taken.append(take_snapshot(servo))
+            if len(taken) < len(servos):
                 self.rig.post(some)
             else:
                 done.set()
@@ -81,7 +81,7 @@ class Show:
         while not done.wait(0.05):
             if self._stop.is_set() or time.monotonic() > deadline:
                 return []
-        return seen
+        return taken
 
     def _run(self) -> None:
         from rich.console import Console  # noqa: PLC0415 - rich is slow to import and not always wanted
@@ -91,16 +91,18 @@ class Show:
         with Live(console=console, auto_refresh=False, transient=False, redirect_stdout=False) as live:
             while not self._stop.is_set():
                 due = time.monotonic() + PERIOD
-                seen = self.look()
+                taken = self.snapshots()
                 started = time.monotonic()
-                if seen:
-                    rows = max(1, console.height - AROUND - self._said.count("\n"))
-                    live.update(picture(seen, self._name, self._said, rows), refresh=True)
+                if taken:
+                    rows = max(1, console.height - OTHER_LINES - self._note.count("\n"))
+                    live.update(servo_table(taken, self._name, self._note, rows), refresh=True)
                 now = time.monotonic()
-                self._stop.wait(max(due - now, (now - started) * (1 / SHARE - 1)))
+                self._stop.wait(max(due - now, (now - started) * (1 / CPU_SHARE - 1)))
 
 
-def picture(servos: Sequence[VirtualSnapshot], name: str = "", said: str = "", rows: int = 1000) -> "RenderableType":
+def servo_table(
+    servos: Sequence[VirtualSnapshot], name: str = "", note: str = "", rows: int = 1000
+) -> "RenderableType":
     """Draw servos, at most so many, for a terminal of 80 columns or more."""
     from rich.console import Group  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
@@ -120,7 +122,7 @@ def picture(servos: Sequence[VirtualSnapshot], name: str = "", said: str = "", r
             "off" if not one.powered else "free" if one.duty is None else f"{100 * one.duty + 0.0:.0f} %",
             f"{one.current + 0.0:.2f} A",
             f"{one.temperature:.0f}",
-            light(one.led),
+            led_text(one.led),
             Text(", ".join(one.errors), style="bold red"),
         )
     supplies = dict.fromkeys(f"{one.voltage:.2f} V" for one in servos)  # each of them once
@@ -128,13 +130,13 @@ def picture(servos: Sequence[VirtualSnapshot], name: str = "", said: str = "", r
     parts: list[RenderableType] = [Text(head.strip(), style="dim"), table]
     if len(servos) > rows:
         parts.append(Text(f"... and {len(servos) - rows} more", style="dim"))
-    if said:
-        parts.append(Text(said))
+    if note:
+        parts.append(Text(note))
     return Group(*parts)
 
 
-def light(led: str) -> "Text":
-    """Draw a light in its colour."""
+def led_text(led: str) -> "Text":
+    """Write what an LED shows, in its colour."""
     from rich.text import Text  # noqa: PLC0415
 
     if led == "off":

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from servobus import Bus, BusServo, Move, MoveTimeout, ServobusError
+from servobus import Bus, BusServo, ByServo, Move, MoveTimeout, ServobusError
 from servobus.cli.options import (
     SECONDS,
     SPEED,
@@ -108,17 +108,17 @@ def _goals(texts: Sequence[str]) -> dict[int, float]:
 
 def _start(bus: Bus, angles: Mapping[int, float], time: float | None, speed: float | None, *, quiet: bool) -> Move:
     """Check everything, then switch the torque on where it is off, then start."""
-    moves = bus.plan_move(angles, time=time, speed=speed)
-    without_torque = [bus[target.id] for course in moves for target in course.without_torque]
+    planned = bus.plan_move(angles, time=time, speed=speed)
+    without_torque = [bus[target.id] for target in planned.without_torque]
     try:
         bus.torque_on(without_torque)
-        bus.start_planned(moves)
+        bus.start_planned(planned)
     except ServobusError:
         bus.torque_off(without_torque)  # leave them as they were
         raise
     if without_torque and not quiet:
         note(f"torque switched on: {', '.join(f'id {servo.id}' for servo in without_torque)}")
-    return Move(bus, moves)
+    return Move(bus, planned)
 
 
 def halt(servos: Sequence[BusServo]) -> None:
@@ -154,7 +154,7 @@ def _watch(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float], un
 
 
 def _picture(
-    servos: Sequence[BusServo], angles: Mapping[int, float], positions: Mapping[int, float]
+    servos: Sequence[BusServo], angles: Mapping[int, float], positions: ByServo[BusServo, float]
 ) -> "RenderableType":
     from rich.table import Table  # noqa: PLC0415 - slow to import, and only wanted on terminals
 
@@ -162,7 +162,7 @@ def _picture(
 
     table = Table.grid(padding=(0, 1))
     for servo in servos:
-        here, goal = positions[servo.id], angles[servo.id]
+        here, goal = positions[servo], angles[servo.id]
         way = bar(here, goal, *reach(servo.model), 32)
         table.add_row(f"{servo.target}", angle(here), way, f"-> {angle(goal).strip()}")
     return table
@@ -177,7 +177,7 @@ def _report(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float], *
                 {
                     "id": servo.id,
                     "model": servo.model.key(),
-                    "position": shown(positions[servo.id], "rad")[0],
+                    "position": shown(positions[servo], "rad")[0],
                     "goal": shown(angles[servo.id], "rad")[0],
                     "unit": "°",
                 }
@@ -188,4 +188,4 @@ def _report(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float], *
     width = max(len(str(servo.target)) for servo in servos)
     for servo in servos:
         alarm = f"  ALARM {servo.alarm_text()}" if servo.alarms else ""
-        click.echo(f"{servo.target!s:<{width}}  {show(positions[servo.id], 'rad')}{alarm}")
+        click.echo(f"{servo.target!s:<{width}}  {show(positions[servo], 'rad')}{alarm}")

@@ -4,7 +4,7 @@ import contextlib
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import FrameType
 from typing import Any, Literal, TypeVar
 
@@ -15,9 +15,9 @@ from servobus import Bus, BusServo
 from servobus.cli.app import Verb
 from servobus.core.ids import LAST_ID, check_id
 from servobus.core.units import parse
-from servobus.errors import BadValue, NoReply
+from servobus.errors import BadValue, NoReply, UsageError
 from servobus.families import registry
-from servobus.families.base import Family
+from servobus.families.base import Family, Model
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -136,38 +136,77 @@ class Where:
 
     family: str | None = None
     baud: int | Literal["all"] | None = None
+    model: type[Model] | None = None
+    """What a servo is that cannot say it itself."""
 
-    def rounds(self) -> list[tuple[Family, tuple[int, ...]]]:
-        """List the families to ask, each with its speeds."""
-        families = [registry.family(self.family)] if self.family else list(registry.FAMILIES.values())
-        return [(family, self._bauds(family)) for family in families]
+    def __post_init__(self) -> None:
+        if self.family is not None:
+            family = registry.family(self.family)  # an unknown name is refused before the port is opened
+            if self.model is not None and self.model.family is not family:
+                raise UsageError(f"{self.model.title} is of the family {self.model.family.name}, not {self.family}")
+
+    def rounds(self) -> Iterator[tuple[Family, tuple[int, ...]]]:
+        """Give the families to ask, each with its speeds; those of other distributions come last."""
+        # One after the other: to find out what is installed takes a while, and mostly a built-in family is meant.
+        for family in self._families():
+            yield family, self._bauds(family)
+
+    def _families(self) -> Iterable[Family]:
+        if self.model is not None:
+            return [self.model.family]
+        return [registry.family(self.family)] if self.family else registry.FAMILIES.values()
+
+    def models_of(self, family: Family) -> Iterable[type[Model]]:
+        """Give the models that servos of a family can be of."""
+        return registry.models_of(family) if self.model is None else [self.model]
 
     def _bauds(self, family: Family) -> tuple[int, ...]:
+        if isinstance(self.baud, int):
+            return (self.baud,)
         if self.baud == ALL:
-            return family.bauds
-        return (family.default_baud if self.baud is None else self.baud,)
+            return self.usual_bauds(family)
+        return registry.factory_bauds(family) if self.model is None else (self.model.factory_baud,)
+
+    def usual_bauds(self, family: Family) -> tuple[int, ...]:
+        """Give the speeds that servos of a family can have."""
+        return registry.bauds(family) if self.model is None else self.model.bauds
+
+    def checked(self, servo: BusServo) -> BusServo:
+        """Give a servo back, or raise UsageError if it says that it is of another model than is asked for."""
+        if self.model is not None and servo.model is not self.model:
+            raise UsageError(f"id {servo.id} says that it is {servo.model.title}, not {self.model.title}")
+        return servo
 
     def __str__(self) -> str:
         return ", ".join(f"{family.name} at {'/'.join(map(str, bauds))}" for family, bauds in self.rounds())
 
 
+class FamilyOption(click.Option):
+    """An option that takes the name of a family; its help names those that are known, in place of {families}."""
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
+        if self.help is not None:
+            self.help = self.help.format(families=registry.names(registry.FAMILIES))
+        return super().get_help_record(ctx)
+
+
 def where_options(command: F) -> F:
-    """Add --family and --baud, which arrive as one `where`."""
+    """Add --family, --baud and --model, which arrive as one `where`."""
 
     def _where(ctx: click.Context, param: click.Parameter, value: Any) -> None:
-        # Both options fill one value, so that the commands pass on one.
-        old = ctx.params.get("where") or Where()
-        family = value if param.name == "family" else old.family
-        baud = value if param.name == "baud" else old.baud
-        if family is not None:
-            registry.family(family)  # an unknown name is refused before the port is opened
-        ctx.params["where"] = Where(family, baud)
+        # The options fill one value, so that the commands pass on one.
+        old: Where = ctx.params.get("where") or Where()
+        if param.name == "model" and value is not None:
+            value = registry.model(value)
+        ctx.params["where"] = replace(old, **{str(param.name): value})
 
     options = (
-        click.option("--family", metavar="FAMILY", expose_value=False, callback=_where,
-                     help="Look only for dynamixel, herkulex or lewansoul servos."),
+        click.option("--family", cls=FamilyOption, metavar="FAMILY", expose_value=False, callback=_where,
+                     help="Look only for {families} servos."),
+        click.option("--model", metavar="MODEL", expose_value=False, callback=_where,
+                     help="What a servo is that cannot say it itself; only its family is looked for."),
         click.option("--baud", type=BAUD, metavar="N|all", expose_value=False, callback=_where,
-                     help="Look at this speed, or at every speed; else at each family's factory speed."),
+                     help="Look at this speed, or at every speed; else at the factory speeds."),
     )  # fmt: skip
     for option in reversed(options):
         command = option(command)
@@ -199,11 +238,13 @@ def find(bus: Bus, where: Where, id: int) -> BusServo:
     """Find one servo. Raises NoReply with what can be tried next."""
     # A scan asks each id once, for most are not there. Who is named is expected there: one lost byte is no reason
     # to say that it is not.
-    for family, bauds in where.rounds() * TRIES:
-        try:
-            return bus.find(id, family=family, bauds=bauds)
-        except NoReply:
-            pass
+    bus.models = where.model
+    for _ in range(TRIES):
+        for family, bauds in where.rounds():
+            try:
+                return where.checked(bus.find(id, family=family, bauds=bauds))
+            except NoReply:
+                pass
     hint = "is it powered and connected?" if where.baud == ALL else "is it powered? `--baud all` tries every speed"
     raise NoReply(f"{bus.transport.name}: no servo answers to id {id} (tried {where}); {hint}")
 
@@ -211,10 +252,12 @@ def find(bus: Bus, where: Where, id: int) -> BusServo:
 def find_all(bus: Bus, where: Where, ids: Sequence[int]) -> list[BusServo]:
     """Find several servos: in one sweep over the ids, then once more for each that is missing."""
     found: dict[int, BusServo] = {}
+    bus.models = where.model
     for family, bauds in where.rounds():
-        missing = [id for id in ids if id not in found]
-        if missing:
-            found.update((servo.id, servo) for servo in bus.scan(family=family, bauds=bauds, ids=missing))
+        if not (missing := [id for id in ids if id not in found]):
+            break
+        for servo in bus.scan(family=family, bauds=bauds, ids=missing):
+            found[servo.id] = where.checked(servo)
     return [found.get(id) or find(bus, where, id) for id in ids]
 
 

@@ -92,8 +92,8 @@ def _readable(servo: BusServo, name: str) -> Register[Any]:
 
 def _encode(servo: BusServo, row: Register[Any], value: str) -> int:
     # These two change under which name the servo is reached, which needs care that a plain write does not take.
-    for name, other in (("id", "set-id"), ("baud", "set-baud")):
-        if row is servo.model.registers.get(servo.model.aliases.get(name, name)):
+    for special, other in ((servo.model.register("id"), "set-id"), (servo.model.optional("baud"), "set-baud")):
+        if row is special:
             raise UsageError(
                 f"{row.model} {row.name} is changed by `servobus {other}`, which checks first that it can be"
             )

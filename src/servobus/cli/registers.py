@@ -25,11 +25,11 @@ def registers(model: str, names: tuple[str, ...], json: bool) -> None:
     table = registry.model(model)
     rows = [table.register(name) for name in names] or list(table.registers.values())
     if json:
-        print_json([register_entry(table, row) for row in rows])
+        print_json([register_entry(row) for row in rows])
         return
     out = console()
     for row in rows:
-        out.print(f"{title_text(table, row):<38}", place_text(row), sep="  ", markup=False)
+        out.print(f"{title_text(row):<38}", place_text(row), sep="  ", markup=False)
         for line in (row.meaning, writable_text(row), *([row.note] if names and row.note else [])):
             if line:
                 _indented(line)

@@ -11,8 +11,7 @@ from servobus.cli.backup import write_backup
 from servobus.cli.options import Where, find, on_servo, opened, verb
 from servobus.cli.output import note
 from servobus.errors import BadValue, UsageError
-
-KEEPABLE = ("id", "baud", "calibration")
+from servobus.families import registry
 
 
 @verb(
@@ -21,7 +20,7 @@ KEEPABLE = ("id", "baud", "calibration")
     "servobus reset /dev/ttyUSB0 219 --keep id,baud --yes",
 )
 @on_servo
-@click.option("--keep", metavar="LIST", default="", help="Leave alone: id, baud, calibration (HerkuleX).")
+@click.option("--keep", metavar="LIST", default="", help="Leave alone: id, baud, calibration, where the family can.")
 @click.option("--backup", "file", metavar="FILE", help="Where to save the settings first; else a name is chosen.")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bool) -> None:
@@ -30,8 +29,10 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
     Its settings are saved to a file first, and the commands that undo the reset are printed.
     """
     kept = frozenset(word.strip() for word in keep.split(",") if word.strip())
-    if unknown := kept - set(KEEPABLE):
-        raise BadValue(f"--keep {', '.join(sorted(unknown))}: only {', '.join(KEEPABLE)} can be kept")
+    if kept:
+        keepable = dict.fromkeys(word for family in registry.FAMILIES.values() for word in family.keepable)
+        if unknown := kept - keepable.keys():
+            raise BadValue(f"--keep {', '.join(sorted(unknown))}: only {', '.join(keepable)} can be kept")
     with opened(port) as bus:
         servo = find(bus, where, id)
         old_baud = servo.baud
@@ -61,7 +62,7 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
 def reboot(port: str, id: int, where: Where) -> None:
     """Restart the servo ID on PORT: its torque goes off, and what was not stored is forgotten.
 
-    Only HerkuleX servos have a command for that; the others are switched off and on.
+    Few families have a command for that, as HerkuleX has; other servos are switched off and on.
     """
     with opened(port) as bus:
         servo = find(bus, where, id)

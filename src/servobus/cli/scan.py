@@ -10,6 +10,7 @@ from servobus import Bus
 from servobus.cli.options import Where, as_json, id_list, on_port, opened, verb
 from servobus.cli.output import console, note, print_json
 from servobus.core.ids import LAST_ID
+from servobus.families import registry
 from servobus.families.present import servo_entry
 from servobus.jobs.scan import FoundServo, ScanProblem, ScanProgress, ScanResult
 from servobus.jobs.scan import scan as scan_procedure
@@ -38,11 +39,12 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     has, which takes minutes on a real port. That nobody is there is an answer too: --json prints [] then.
     """
     wanted = id_list(ids)
-    rounds = where.rounds()
-    if isinstance(where.baud, int) and not any(where.baud in family.bauds for family, _ in rounds):
+    rounds = list(where.rounds())
+    if isinstance(where.baud, int) and not any(where.baud in registry.bauds(family) for family, _ in rounds):
         typical_delay = ", ".join(family.name for family, _ in rounds)
         note(f"{where.baud} baud is no usual speed of {typical_delay} servos; asking all the same")
     with opened(port) as bus, ExitStack() as stack:
+        bus.models = where.model
         total = len(wanted) * sum(len(bauds) for _, bauds in rounds)
         bar = Bar(stack, total)
 
@@ -55,7 +57,7 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
         survey = ScanResult()
         try:
             for family, bauds in rounds:
-                bus.do(scan_procedure([family], bauds, wanted, watch, survey))
+                bus.do(scan_procedure([family], bauds, wanted, watch, survey, bus.identify))
         except KeyboardInterrupt:
             note("servobus: stopped; this is what was found so far")
     found, troubles = survey.found, survey.troubles

@@ -3,6 +3,7 @@
 import click
 
 from servobus.cli.options import ID, Where, find, on_port, on_servo, opened, verb
+from servobus.families import registry
 
 
 @verb("set-id", "servobus set-id /dev/ttyUSB0 1 7", "servobus set-id /dev/ttyUSB0 1 7 --family dynamixel")
@@ -33,5 +34,5 @@ def set_baud(port: str, id: int, where: Where, new: int) -> None:
         old = servo.baud
         servo.change_baud(new)
         click.echo(f"{servo.target} talks at {new} baud now (before: {old})")
-        if new != servo.family.default_baud:
+        if new not in registry.factory_bauds(servo.family):
             click.echo(f"find it with --baud {new}")

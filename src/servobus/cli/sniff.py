@@ -13,11 +13,13 @@ from typing import TypeAlias
 import click
 
 from servobus.cli.decode import named
-from servobus.cli.options import BAUD, as_json, stop_on_signals, verb
+from servobus.cli.options import BAUD, FamilyOption, as_json, stop_on_signals, verb
 from servobus.cli.output import compact, note
 from servobus.cli.packets import print_events, print_summary
 from servobus.connect import FIRST_BAUD, transport
 from servobus.errors import BadValue, ServobusError, UsageError
+from servobus.families import registry
+from servobus.families.base import Family, Model
 from servobus.traffic.events import TrafficEvent
 from servobus.traffic.recording import Direction, End, Entry, Header, RecordingFile
 from servobus.traffic.tracker import BITS, Tracker
@@ -60,7 +62,7 @@ News: TypeAlias = Entry | float | Exception | None
 )
 @click.option("--once", is_flag=True, help="With --app: end when the application closes its port.")
 @click.option("--save", metavar="FILE", help="Write a recording, which `servobus decode FILE` shows again.")
-@click.option("--family", metavar="FAMILY", help="dynamixel, herkulex or lewansoul; else found out piece by piece.")
+@click.option("--family", cls=FamilyOption, metavar="FAMILY", help="{families}; else found out piece by piece.")
 @click.option("--model", metavar="MODEL", help="Whose registers; else those of the family's first model.")
 @as_json
 def sniff(
@@ -88,7 +90,7 @@ def sniff(
     if not port.strip():
         raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
     known_family, known_model = named(family, model)
-    speed = baud or (known_family.default_baud if known_family else FIRST_BAUD)
+    speed = baud or _factory_baud(known_family, known_model)
     head = Header(
         port,
         speed,
@@ -120,6 +122,13 @@ def sniff(
 
 def _note_failure(failure: ServobusError) -> None:
     note(f"servobus: {failure}")
+
+
+def _factory_baud(family: Family | None, model: type[Model] | None) -> int:
+    """Give the speed that a line most likely has."""
+    if model is not None:
+        return model.factory_baud
+    return FIRST_BAUD if family is None else registry.factory_bauds(family)[0]
 
 
 def _ready(port: str, speed: int, terminal: PseudoTerminal | None, *, json: bool) -> None:

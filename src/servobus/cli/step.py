@@ -201,7 +201,7 @@ def _ask_limits(servo: BusServo, here: float) -> tuple[float, float]:
 @contextlib.contextmanager
 def _as_it_was(servo: BusServo, *, torque: bool) -> Iterator[None]:
     """Torque on inside; afterwards as it was, and so is the speed that moves set in some. What fails stops it first."""
-    speed = servo.model.registers.get("moving_speed")
+    speed = servo.model.optional("goal_speed")
     pace = None if speed is None else servo.read(speed)
     try:
         if not torque:

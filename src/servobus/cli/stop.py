@@ -5,7 +5,7 @@ from typing import Literal
 
 import click
 
-from servobus import MODELS, Bus, BusServo, ServobusError
+from servobus import Bus, BusServo, ServobusError
 from servobus.cli.options import (
     ALL,
     ID_OR_ALL,
@@ -19,7 +19,7 @@ from servobus.cli.options import (
 from servobus.cli.output import note, warn_alarms
 from servobus.core.ids import BROADCAST, LAST_ID
 from servobus.errors import NoReply
-from servobus.families.base import Answers, ServoRef
+from servobus.families.base import Answers, KnownServo, ServoRef
 from servobus.jobs.scan import ScanProgress, scan
 
 Ids = tuple[int | Literal["all"], ...]
@@ -112,8 +112,9 @@ def _everyone(bus: Bus, where: Where, at_once: Callable[[BusServo], None]) -> li
         at_once(servo)
         servos.append(servo)
 
+    bus.models = where.model
     for family, bauds in where.rounds():
-        bus.do(scan([family], bauds, range(LAST_ID + 1), watch))
+        bus.do(scan([family], bauds, range(LAST_ID + 1), watch, identify=bus.identify))
     if not servos:
         raise NoReply(f"{bus.transport.name}: no servo answers ({where})")
     return servos
@@ -121,9 +122,11 @@ def _everyone(bus: Bus, where: Where, at_once: Callable[[BusServo], None]) -> li
 
 def _release_all(bus: Bus, where: Where) -> None:
     for family, bauds in where.rounds():
-        model = next(model for model in MODELS.values() if model.family.name == family.name)
-        everyone = ServoRef(BROADCAST, model, Answers.READS)
-        for baud in bauds:
-            bus.do(family.torque(everyone, on=False), baud=baud)
+        # One broadcast for each place at which models of this family have their torque.
+        models = {model.register("torque_enable").place: model for model in where.models_of(family)}
+        for model in models.values():
+            for baud in bauds:
+                everyone = KnownServo.of(ServoRef(BROADCAST, model, Answers.READS), baud)
+                bus.do(family.torque(everyone, on=False), baud=baud)
     click.echo(f"torque off: told every servo ({where})")
     note("nobody answers a broadcast; `servobus scan` shows who obeyed")

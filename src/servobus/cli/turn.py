@@ -72,9 +72,9 @@ def _check(servo: BusServo, low: float, high: float) -> None:
 
 
 def _check_kind(servo: BusServo, speed: float | None) -> None:
-    if servo.family.turns_at_speed and speed is None:
+    if servo.model.turns_at_speed() and speed is None:
         raise UsageError(f"{servo.target} controls the speed at which it turns: give --speed DEG/S")
-    if speed is not None and not servo.family.turns_at_speed:
+    if speed is not None and not servo.model.turns_at_speed():
         raise UsageError(f"{servo.target} cannot control the speed at which it turns: give --output PERCENT")
 
 

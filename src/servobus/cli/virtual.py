@@ -1,4 +1,4 @@
-"""`virtual`: be servos."""
+"""`virtual`: servos on a virtual port."""
 
 import shlex
 import sys
@@ -7,10 +7,10 @@ from pathlib import Path
 
 import click
 
-from servobus.cli.live_table import Show
+from servobus.cli.live_table import LiveTable
 from servobus.cli.options import BAUD, UnitType, stop_on_signals, verb
 from servobus.cli.output import note
-from servobus.cli.virtual_console import VirtualConsole, listen
+from servobus.cli.virtual_console import VirtualConsole, read_commands
 from servobus.errors import BadValue
 from servobus.virtual.physics.motor import NOTHING, Load
 from servobus.virtual.serve.ports import serve_pty, serve_tcp
@@ -57,7 +57,7 @@ class FaultsType(click.ParamType[Faults]):
 @click.option("--pty", metavar="LINK", help="Make LINK a symbolic link to the terminal.")
 @click.option("--tcp", metavar="[HOST:]PORT", help="Serve a TCP port instead; port 0 takes any free one.")
 @click.option("--baud", type=BAUD, metavar="N", help="Speed the servos start with; else the factory speed.")
-@click.option("--state", metavar="FILE", help="Keep the EEPROM contents in FILE, so that they remember.")
+@click.option("--state", metavar="FILE", help="Keep the EEPROM contents in FILE, so that it survives.")
 @click.option("--echo", is_flag=True, help="Give back what is sent, as some adapters do.")
 @click.option("--voltage", type=UnitType("volts", "V"), metavar="V", help="Supply; else the model's nominal voltage.")
 @click.option(
@@ -110,7 +110,7 @@ def virtual(
     if show and not sys.stderr.isatty():
         raise click.UsageError("--show needs a terminal")
     if pty and tcp:
-        raise click.UsageError("say either --pty or --tcp")
+        raise click.UsageError("give either --pty or --tcp")
     if isinstance(baud, str):
         raise click.UsageError("--baud: servos have one speed, not all")
     servos = parse_specs(",".join(specs))
@@ -125,17 +125,17 @@ def virtual(
         load=load,
         faults=faults,
     )
-    address = _address(tcp) if tcp else None
+    address = _host_and_port(tcp) if tcp else None
     stop = stop_on_signals()
     rig = build_rig(setup)
-    _note_twins(servos)
-    shown = Show(rig, stop) if show else None
+    _note_duplicate_ids(servos)
+    table = LiveTable(rig, stop) if show else None
 
     def ready(name: str) -> None:
         _ready(name)
-        if shown:
-            shown.start(name)
-        listen(VirtualConsole(rig, shown.say if shown else note), stop)
+        if table:
+            table.start(name)
+        read_commands(VirtualConsole(rig, table.show_note if table else note), stop)
 
     try:
         if address:
@@ -144,16 +144,16 @@ def virtual(
             serve_pty(rig, Path(pty) if pty else None, stop, ready)
     finally:
         stop.set()
-        if shown:
-            shown.join()
+        if table:
+            table.join()
     if sys.stderr.isatty():
         note("")  # the terminal shows ^C
     if counts := rig.fault_counts:
         note("faults: " + ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items())))
 
 
-def _note_twins(servos: Servos) -> None:
-    """Say which servos will collide: a slip of the pen, or what somebody wants to try."""
+def _note_duplicate_ids(servos: Servos) -> None:
+    """Note which servos share an id: their replies collide, by mistake or on purpose."""
     ids = Counter((model.family.name, id) for model, some in servos for id in some)
     for (family, id), count in ids.items():
         if count > 1:
@@ -162,12 +162,12 @@ def _note_twins(servos: Servos) -> None:
 
 def _ready(name: str) -> None:
     click.echo(f"ready {name}")
-    sys.stdout.flush()  # whoever waits for this line may wait on a pipe
+    sys.stdout.flush()  # a program that waits for this line may wait on a pipe
     if sys.stderr.isatty():
         note(f"try: servobus scan {shlex.quote(name)}     (Ctrl-C here switches the servos off)")
 
 
-def _address(text: str) -> tuple[str, int]:
+def _host_and_port(text: str) -> tuple[str, int]:
     """Read HOST:PORT, [::1]:PORT or PORT."""
     host, _, port = text.rpartition(":")
     if not port.isdecimal() or int(port) > 65535:

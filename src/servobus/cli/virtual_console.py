@@ -1,4 +1,4 @@
-"""What people type while virtual servos are served: commands to what surrounds the servos.
+"""Commands that are typed while virtual servos are served: they change what surrounds the servos.
 
 The lines come from standard input, in a thread of their own; what they ask for is done between two events of the
 bus. The end of the input is the end of the commands and of nothing else.
@@ -21,13 +21,13 @@ from servobus.virtual.serve.rig import Rig
 from servobus.virtual.serve.spec import check_temperature, check_voltage, parse_ids, parse_load, parse_specs
 
 HELP: Final = """\
-load WHO mass=0.2 length=0.1    hang an arm on a shaft; also inertia, torque, down, tilt, blocked; none takes it off
-block WHO                       hold a shaft as in a vice
-release WHO                     let it go
-turn WHO ANGLE                  turn a shaft by hand
-voltage V                       set the supply of all
-temperature WHO C               set a case, and what is around it
-WHO is an id, ids such as 1-4,7, a model with ids such as rx28@1, or all"""
+load SERVOS mass=0.2 length=0.1  hang an arm on a shaft; also inertia, torque, down, tilt, blocked; none takes it off
+block SERVOS                     hold a shaft as in a vice
+release SERVOS                   let it turn again
+turn SERVOS ANGLE                turn a shaft by hand
+voltage V                        set the supply of all
+temperature SERVOS C             set a case, and what is around it
+SERVOS is an id, ids such as 1-4,7, a model with ids such as rx28@1, or all"""
 
 MANY = 3
 """Servos up to which they are named one by one."""
@@ -36,37 +36,37 @@ PATIENCE = 0.2
 
 
 class VirtualConsole:
-    """Takes lines and acts on a rig that somebody serves; tells what it did, or what was wrong, by `say`."""
+    """Carries out typed lines on a rig that is being served; calls `show` with what was done, or what was wrong."""
 
-    def __init__(self, rig: Rig, say: Callable[[str], None] = note) -> None:
+    def __init__(self, rig: Rig, show: Callable[[str], None] = note) -> None:
         self.rig = rig
-        self.say = say
+        self.show = show
 
-    def take(self, line: str) -> None:
-        """Have the words of a line done as soon as the line is free."""
+    def execute(self, line: str) -> None:
+        """Have a line carried out between two events of the bus."""
         words = line.split()
         if words:
-            self.rig.post(lambda now: self._do(words, now))
+            self.rig.post(lambda now: self._run(words, now))
 
-    def _do(self, words: list[str], now: float) -> None:
+    def _run(self, words: list[str], now: float) -> None:
         try:
-            self.say(self._obey(words[0].lower(), words[1:], now))
+            self.show(self._carry_out(words[0].lower(), words[1:], now))
         except ServobusError as error:
-            self.say(f"{' '.join(words)}: {error}")
+            self.show(f"{' '.join(words)}: {error}")
 
-    def _obey(self, verb: str, words: list[str], now: float) -> str:
+    def _carry_out(self, verb: str, words: list[str], now: float) -> str:
         match verb, words:
             case "help" | "?", _:
                 return HELP
-            case "load", [who, *what]:
-                return self._load(self._find(who, now), " ".join(what))
-            case "block", [who]:
-                return self._load(self._find(who, now), "blocked")
-            case "release", [who]:
-                return self._load(self._find(who, now), "blocked=off")
-            case "turn", [who, angle]:
+            case "load", [which, *what]:
+                return self._load(self._find(which, now), " ".join(what))
+            case "block", [which]:
+                return self._load(self._find(which, now), "blocked")
+            case "release", [which]:
+                return self._load(self._find(which, now), "blocked=off")
+            case "turn", [which, angle]:
                 position = _number(angle, "rad")
-                for servo in (found := self._find(who, now)):
+                for servo in (found := self._find(which, now)):
                     servo.turn_shaft(position)
                 return f"{_names(found)}: at {show(position, 'rad')}"
             case "voltage", [volts]:
@@ -74,9 +74,9 @@ class VirtualConsole:
                 for servo in (found := self._find("all", now)):
                     servo.voltage = supply
                 return f"{_names(found)}: supply {show(supply, 'V')}"
-            case "temperature", [who, celsius]:
+            case "temperature", [which, celsius]:
                 heat = check_temperature(_number(celsius, "degC"))
-                for servo in (found := self._find(who, now)):
+                for servo in (found := self._find(which, now)):
                     servo.temperature = heat
                 return f"{_names(found)}: {show(heat, 'degC')}"
         raise UsageError("this is no command; `help` lists them")
@@ -88,18 +88,18 @@ class VirtualConsole:
                 servo.shaft.load = load
         return "\n".join(f"{_names([servo])}: {describe(load)}" for servo, load in zip(servos, loads, strict=True))
 
-    def _find(self, who: str, now: float) -> list[VirtualServo]:
+    def _find(self, which: str, now: float) -> list[VirtualServo]:
         """Find the servos that are meant, and bring them up to now. Raises UsageError."""
-        if who == "all":
+        if which == "all":
             found = self.rig.servos
-        elif "@" in who:
-            wanted = [(model, id) for model, ids in parse_specs(who) for id in ids]
+        elif "@" in which:
+            wanted = [(model, id) for model, ids in parse_specs(which) for id in ids]
             found = [servo for servo in self.rig.servos if (servo.model, servo.id) in wanted]
         else:
-            ids = parse_ids(who)
+            ids = parse_ids(which)
             found = [servo for servo in self.rig.servos if servo.id in ids]
         if not found:
-            raise UsageError(f"there is no servo {who}")
+            raise UsageError(f"there is no servo {which}")
         for servo in found:
             servo.advance(now)
         return found
@@ -135,19 +135,19 @@ def _number(text: str, unit: str) -> float:
 # Standard input
 
 
-def listen(console: VirtualConsole, stop: threading.Event) -> threading.Thread | None:
+def read_commands(console: VirtualConsole, stop: threading.Event) -> threading.Thread | None:
     """Let a thread take the lines of standard input until it ends, or until `stop`; None if there is none."""
     try:
         handle = sys.stdin.fileno()
     except (AttributeError, ValueError, OSError):  # closed, or something that a test put there
         return None
     # Reading past Python's own buffer: a thread that sleeps inside that would hinder the end of the program.
-    thread = threading.Thread(target=_read, args=(handle, console.take, stop), name="commands", daemon=True)
+    thread = threading.Thread(target=_read, args=(handle, console.execute, stop), name="commands", daemon=True)
     thread.start()
     return thread
 
 
-def _read(handle: int, take: Callable[[str], None], stop: threading.Event) -> None:
+def _read(handle: int, execute: Callable[[str], None], stop: threading.Event) -> None:
     rest = b""
     while not stop.is_set():
         try:
@@ -160,7 +160,7 @@ def _read(handle: int, take: Callable[[str], None], stop: threading.Event) -> No
         if not data:
             lines = [rest]
         for line in lines:
-            take(line.decode(errors="replace"))
+            execute(line.decode(errors="replace"))
         if not data:
             return
 

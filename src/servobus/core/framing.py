@@ -80,9 +80,9 @@ class Framing(ABC):
     probe: bytes = b"\x00"
     """A byte that every servo skips before a header. It goes before a request that looks like its own answer: if it
     comes back, so does the request, and the line echoes."""
-    forget_time: float
+    forget_time: float = 0.21
     """s after which a servo forgets what it took for the start of a packet; what is sent at another speed may be taken
-    so, and the request that comes next is then lost."""
+    so, and the request that comes next is then lost. As long as HerkuleX servos need, if nothing is said."""
     baud_tolerance: float = 0.03
     """Share by which a servo's speed may be off; assumption, as RX-28 manual 3-4-1 says of its servo."""
 

@@ -6,7 +6,7 @@ printed here.
 
 from typing import Any
 
-from servobus.core.registers import Access, Address, Eep, EepRam, Pair, Ram, Register, RegisterMap
+from servobus.core.registers import Access, Register
 from servobus.core.units import Choice, Flags, Quantity, Switch, shown
 
 ACCESS = {Access.READ: "read", Access.READ_WRITE: "read, write", Access.RESERVED: "reserved"}
@@ -50,13 +50,13 @@ def value_entry(register: Register[Any], raw: int) -> dict[str, Any]:
 # Rows of a register table
 
 
-def register_entry(model: type[RegisterMap], row: Register[Any]) -> dict[str, Any]:
+def register_entry(row: Register[Any]) -> dict[str, Any]:
     """Give one row of a table: limits and default in the unit people use, and raw."""
     low, high = row.limits
     return {
         "name": row.name,
-        "aliases": aliases(model, row),
-        **_place_entry(row),
+        "aliases": list(row.aliases),
+        **row.place.json(),
         "size": row.layout.size,
         "access": row.access.value,
         "area": row.area.value,
@@ -74,21 +74,15 @@ def register_entry(model: type[RegisterMap], row: Register[Any]) -> dict[str, An
     }
 
 
-def aliases(model: type[RegisterMap], row: Register[Any]) -> list[str]:
-    """Give the second names of a row."""
-    return [alias for alias, name in model.aliases.items() if name == row.name]
-
-
-def title_text(model: type[RegisterMap], row: Register[Any]) -> str:
+def title_text(row: Register[Any]) -> str:
     """Write the name of a row, its aliases in parentheses."""
-    names = aliases(model, row)
-    return f"{row.name} ({', '.join(names)})" if names else row.name
+    return f"{row.name} ({', '.join(row.aliases)})" if row.aliases else row.name
 
 
 def place_text(row: Register[Any]) -> str:
     """Say where a row is, how long it is and what may be done with it: "RAM 36, 2 bytes, read"."""
     size = "1 byte" if row.layout.size == 1 else f"{row.layout.size} bytes"
-    return f"{_address_text(row)}, {size}, {ACCESS[row.access]}"
+    return f"{row.place.text(row.area)}, {size}, {ACCESS[row.access]}"
 
 
 def writable_text(row: Register[Any]) -> str:
@@ -111,32 +105,3 @@ def _choices_text(row: Register[Any]) -> str:
     if isinstance(scale, Choice):
         return ", ".join(scale.show(option) for option in scale.options if low <= option <= high)
     return " .. ".join(value_text(row, raw) for raw in (low, high))
-
-
-def _place_entry(row: Register[Any]) -> dict[str, Any]:
-    match row.place:
-        case Address(address):
-            return {"address": address}
-        case Eep(eep):
-            return {"address": {"eep": eep}}
-        case Ram(ram):
-            return {"address": {"ram": ram}}
-        case EepRam(eep, ram):
-            return {"address": {"eep": eep, "ram": ram}}
-        case Pair(write, read, at):
-            return {"command": {"write": None if write is None else int(write), "read": int(read), "byte": at}}
-
-
-def _address_text(row: Register[Any]) -> str:
-    match row.place:
-        case Address(address):
-            return f"{row.area.name} {address}"
-        case Eep(eep):
-            return f"EEP {eep}"
-        case Ram(ram):
-            return f"RAM {ram}"
-        case EepRam(eep, ram):
-            return f"EEP {eep}, RAM {ram}"
-        case Pair(write, read, at):
-            commands = f"command {read}" if write is None else f"commands {write}/{read}"
-            return f"{commands} byte {at}"

@@ -6,17 +6,19 @@
 
 Driver, virtual servo, command line and reference pages all read the same row. A register is a key
 (`servo.read(RX28.goal_position)`, `memory[RX28.goal_position]`); it does no I/O of its own.
-A `RegisterMap` is checked when its class is made: a wrong table cannot be imported.
+The table that holds the rows is a `Model`, see servobus.families.model.
 """
 
 import enum
-from collections.abc import Callable, Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
+from numbers import Integral
+from typing import Any, ClassVar, Generic, Literal, TypeAlias, TypeVar
 
-from servobus.core.units import Scale
+from servobus.core.units import Quantity, Scale
 from servobus.core.values import frozen
-from servobus.errors import BadValue, UnknownName
+from servobus.errors import BadValue
 
 T = TypeVar("T")
 
@@ -38,7 +40,7 @@ class Area(enum.Enum):
 
 @frozen
 class Int:
-    """An integer in `size` bytes, low byte first.
+    """An integer in `size` bytes, low byte first unless `order` is "big".
 
     `signed` is two's complement. `sign_bit` makes it sign and magnitude instead: that bit set means
     negative, the bits below it are the magnitude, bits above it are not part of the value.
@@ -47,6 +49,7 @@ class Int:
     size: int
     signed: bool = False
     sign_bit: int | None = None
+    order: Literal["little", "big"] = "little"
 
     @property
     def range(self) -> tuple[int, int]:
@@ -60,10 +63,10 @@ class Int:
     def pack(self, raw: int) -> bytes:
         if self.sign_bit is not None:
             raw = raw if raw >= 0 else -raw | 1 << self.sign_bit
-        return raw.to_bytes(self.size, "little", signed=self.signed)
+        return raw.to_bytes(self.size, self.order, signed=self.signed)
 
     def unpack(self, data: bytes) -> int:
-        raw = int.from_bytes(data, "little", signed=self.signed)
+        raw = int.from_bytes(data, self.order, signed=self.signed)
         if self.sign_bit is None:
             return raw
         magnitude = raw & (1 << self.sign_bit) - 1
@@ -72,7 +75,7 @@ class Int:
     def unpacker(self) -> Callable[[bytes], int]:
         """Give `unpack` as the quickest function that does it."""
         if self.sign_bit is None:
-            return partial(int.from_bytes, byteorder="little", signed=self.signed)
+            return partial(int.from_bytes, byteorder=self.order, signed=self.signed)
         return self.unpack
 
 
@@ -82,57 +85,41 @@ S8 = Int(1, signed=True)
 S16 = Int(2, signed=True)
 
 
-# Where a register lives. Each family has its own kinds of place.
+Location: TypeAlias = tuple[str, int]
+"""A byte of a servo: the map it is in, and its offset there."""
 
 
-@frozen
-class Address:
-    """One address in the control table (Dynamixel)."""
+class Place(ABC):
+    """Where a register lives. Each family has its own kinds of place, in its folder."""
 
-    address: int
+    area: ClassVar[Area] = Area.RAM
+    """Where rows with such a place are kept if the row says nothing else."""
 
+    @property
+    @abstractmethod
+    def locations(self) -> tuple[Location, ...]:
+        """First byte of each copy of the value: the one that acts comes first, the one that survives power-off last."""
 
-@frozen
-class Eep:
-    """An address in the non-volatile map only (HerkuleX)."""
+    @abstractmethod
+    def text(self, area: Area | None = None) -> str:
+        """Say where it is for people, with the area if that is given and the place alone does not tell it."""
 
-    eep: int
+    @abstractmethod
+    def json(self) -> dict[str, Any]:
+        """Say where it is for programs."""
 
+    @property
+    def has_working_copy(self) -> bool:
+        """Whether what acts is a copy in RAM of what is stored, so that the two can differ."""
+        return False
 
-@frozen
-class Ram:
-    """An address in the volatile map only (HerkuleX)."""
-
-    ram: int
-
-
-@frozen
-class EepRam:
-    """An address in each map: start value in `eep`, working value in `ram` (HerkuleX)."""
-
-    eep: int
-    ram: int
-
-
-@frozen
-class Pair:
-    """A pair of commands, with the byte of their parameters at which the value stands (LewanSoul).
-
-    `write` is None for what can only be read. `alone` tells whether the value may be written without
-    its neighbours in the same command; they are then read first and sent back unchanged.
-    """
-
-    write: int | None
-    read: int
-    at: int = 0
-    alone: bool = True
-
-
-Place: TypeAlias = Address | Eep | Ram | EepRam | Pair
+    def within(self, space: str) -> int | None:
+        """Give the offset at which the value stands in a map; None if it is not in that map."""
+        return next((at for name, at in self.locations if name == space), None)
 
 
 class Register(Generic[T]):
-    """One row of a register table. `name` and `model` are filled in by the class that holds it.
+    """One row of a register table. `name`, `model` and `aliases` are filled in by the table that holds it.
 
     place     where: an address or a pair of commands
     layout    how it is laid out in bytes
@@ -141,12 +128,15 @@ class Register(Generic[T]):
     default   factory value, raw; None where none is known or it is measured
     limits    smallest and largest raw value that may be written
     allowed   the only raw values that may be written, where they are no range
+    volatile  the servo changes it by itself, or by other commands: a changed value does not tell a restart
+    motion    writing it can set the servo in motion
+    latched   what went wrong stays in it until 0 is written there
     note      where the sources disagree: the erratum or manual section and the reading taken
     """
 
     __slots__ = (
-        "access", "allowed", "area", "default", "layout", "limits",
-        "meaning", "model", "name", "note", "place", "scale",
+        "access", "aliases", "allowed", "area", "default", "latched", "layout", "limits", "meaning", "model", "motion",
+        "name", "note", "owner", "place", "scale", "volatile",
     )  # fmt: skip
 
     def __init__(
@@ -161,21 +151,54 @@ class Register(Generic[T]):
         allowed: tuple[int, ...] | None = None,
         access: Access = Access.READ_WRITE,
         area: Area | None = None,
+        volatile: bool = False,
+        motion: bool = False,
+        latched: bool = False,
         note: str = "",
     ) -> None:
-        if area is None:
-            area = Area.EEPROM if isinstance(place, Eep | EepRam) else Area.RAM
         self.place, self.layout, self.scale, self.meaning = place, layout, scale, meaning
         self.default, self.limits, self.allowed = default, limits or layout.range, allowed
-        self.access, self.area, self.note = access, area, note
+        self.access, self.area, self.note = access, area or place.area, note
+        self.volatile, self.motion, self.latched = volatile, motion, latched
         self.name = self.model = ""
+        self.aliases: tuple[str, ...] = ()
+        """Second names of the row."""
+        self.owner: type | None = None
+        """The table that holds the row."""
 
     def __set_name__(self, owner: type, name: str) -> None:
         if not self.name:  # a second name for the same row is an alias
-            self.name, self.model = name, getattr(owner, "title", owner.__name__)
+            self.name, self.model, self.owner = name, getattr(owner, "title", owner.__name__), owner
 
     def __repr__(self) -> str:
         return f"<{self.model} {self.name}>"
+
+    def with_(self, **changes: Any) -> "Register[T]":
+        """Make a row like this one but for some attributes, to stand in another table.
+
+        `highest_limit_temperature = RX28.highest_limit_temperature.with_(default=70)` in the class body of a model.
+        The names are those of the arguments of `Register`. With a new layout or place the limits and the area are
+        those of the new one, unless they were set by hand.
+        """
+        names = (
+            "place", "layout", "scale", "meaning", "default", "limits", "allowed", "access", "area", "volatile",
+            "motion", "latched", "note",
+        )  # fmt: skip
+        if unknown := changes.keys() - set(names):
+            raise TypeError(f"{self}: a register has no {', '.join(sorted(unknown))}; it has {', '.join(names)}")
+        old = {name: getattr(self, name) for name in names}
+        if self.limits == self.layout.range:
+            old["limits"] = None
+        if self.area is self.place.area:
+            old["area"] = None
+        return Register(**old | changes)
+
+    def same_value(self, other: "Register[Any]") -> bool:
+        """Tell whether a value of the other row means the same here: rad is rad, whatever one unit of it is."""
+        mine, others = self.scale, other.scale
+        if isinstance(mine, Quantity) and isinstance(others, Quantity):
+            return mine.unit == others.unit
+        return mine == others
 
     @property
     def unit(self) -> str:
@@ -190,6 +213,11 @@ class Register(Generic[T]):
     def writable(self) -> bool:
         return self.access is Access.READ_WRITE
 
+    @property
+    def acts_in_ram(self) -> bool:
+        """Whether the value that acts is lost at power-off."""
+        return self.area is Area.RAM or self.place.has_working_copy
+
     def accepts(self, raw: int) -> bool:
         """Tell whether the raw value may be written, limits and choices considered."""
         low, high = self.limits
@@ -199,6 +227,11 @@ class Register(Generic[T]):
         """Give the raw value back, or raise BadValue if this register must not be given it."""
         if not self.writable:
             raise BadValue(f"{self.model} {self.name} can only be read")
+        given: object = raw
+        if type(given) is not int:
+            if isinstance(given, bool) or not isinstance(given, Integral):
+                raise BadValue(f"{self.model} {self.name}: {given!r:.40} is not a whole number, as a raw value must be")
+            raw = int(given)
         if not self.accepts(raw):
             raise BadValue(f"{self.model} {self.name}: {self._say(raw)} is not {self.range_text()}")
         return raw
@@ -234,6 +267,8 @@ class Register(Generic[T]):
         return f"in {self._say(low)} .. {self._say(high)}"
 
     def _say(self, raw: int) -> str:
+        if raw.bit_length() > 64:  # Python writes no int of more than 4300 digits
+            return f"an int of {raw.bit_length()} bits"
         try:
             shown = self.scale.show(self.scale.decode(raw))
         except ValueError:
@@ -241,38 +276,8 @@ class Register(Generic[T]):
         return shown if shown == str(raw) else f"{shown} (raw {raw})"
 
 
-class RegisterMap:
-    """A table of registers, in the order they are written. Subclass it; do not instantiate it."""
-
-    title: ClassVar[str]
-    registers: ClassVar[dict[str, Register[Any]]] = {}
-    """Every row once, by its own name."""
-    aliases: ClassVar[dict[str, str]] = {}
-    """Second names: alias -> name of the row."""
-
-    def __init_subclass__(cls, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        rows = {name: row for name, row in vars(cls).items() if isinstance(row, Register)}
-        cls.registers = {name: row for name, row in rows.items() if row.name == name}
-        cls.aliases = {name: row.name for name, row in rows.items() if row.name != name}
-        for row in cls.registers.values():
-            _check_row(row)
-        _check_overlap(cls)
-
-    @classmethod
-    def register(cls, name: str) -> Register[Any]:
-        """Find a row by its name or alias. Raises UnknownName, with the nearest names."""
-        row = cls.registers.get(cls.aliases.get(name, name))
-        if row is None:
-            import difflib  # noqa: PLC0415 - only ever needed for this message
-
-            near = difflib.get_close_matches(name, [*cls.registers, *cls.aliases], n=3, cutoff=0.5)
-            hint = f"; did you mean {' or '.join(near)}?" if near else ""
-            raise UnknownName(f"{cls.title} has no register {name!r}{hint}")
-        return row
-
-
-def _check_row(row: Register[Any]) -> None:
+def check_row(row: Register[Any]) -> None:
+    """Refuse a row that contradicts itself, with a TypeError."""
     low, high = row.layout.range
     if not low <= row.limits[0] <= row.limits[1] <= high:
         raise TypeError(f"{row}: limits {row.limits} do not fit {row.layout}")
@@ -284,24 +289,12 @@ def _check_row(row: Register[Any]) -> None:
         raise TypeError(f"{row}: a row needs a meaning")
 
 
-def _spans(row: Register[Any]) -> Iterator[tuple[str, int]]:
-    """Name each byte that a row occupies: which map, and where in it."""
-    place = row.place
-    for offset in range(row.layout.size):
-        if isinstance(place, Address):
-            yield "table", place.address + offset
-        if isinstance(place, Eep | EepRam):
-            yield "eep", place.eep + offset
-        if isinstance(place, Ram | EepRam):
-            yield "ram", place.ram + offset
-        if isinstance(place, Pair):
-            yield f"command {place.read}", place.at + offset
-
-
-def _check_overlap(table: type[RegisterMap]) -> None:
-    taken: dict[tuple[str, int], Register[Any]] = {}
-    for row in table.registers.values():
-        for byte in _spans(row):
-            if byte in taken:
-                raise TypeError(f"{row} and {taken[byte]} both claim {byte[0]} byte {byte[1]}")
-            taken[byte] = row
+def check_overlap(rows: Iterable[Register[Any]]) -> None:
+    """Refuse rows that claim the same byte, with a TypeError."""
+    taken: dict[Location, Register[Any]] = {}
+    for row in rows:
+        for space, start in row.place.locations:
+            for at in range(start, start + row.layout.size):
+                if (space, at) in taken:
+                    raise TypeError(f"{row} and {taken[space, at]} both claim {space} byte {at}")
+                taken[space, at] = row

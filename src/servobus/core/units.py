@@ -14,7 +14,9 @@ import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from contextlib import suppress
 from enum import IntEnum, IntFlag
+from numbers import Integral, Real
 from typing import Any, Generic, TypeVar
 
 from servobus.core.values import frozen
@@ -68,9 +70,10 @@ class Quantity(Scale[float]):
         return (raw - self.zero) * self.step
 
     def encode(self, value: float) -> int:
-        if not math.isfinite(value / self.step):
-            raise ValueError(f"{value} is not a number to send")
-        return round(value / self.step) + self.zero
+        steps = _number(value) / self.step
+        if not math.isfinite(steps):
+            raise ValueError(f"{_said(value)} is not a number to send")
+        return round(steps) + self.zero
 
     def parse(self, text: str) -> float:
         return parse(text, self.unit)
@@ -89,8 +92,8 @@ class Count(Scale[int]):
         return raw
 
     def encode(self, value: int) -> int:
-        if value != value or value in (math.inf, -math.inf) or int(value) != value:  # noqa: PLR0124 - NaN
-            raise ValueError(f"{value} is not a whole number")
+        if int(_number(value)) != value:
+            raise ValueError(f"{_said(value)} is not a whole number")
         return int(value)
 
     def parse(self, text: str) -> int:
@@ -111,7 +114,7 @@ class Switch(Scale[bool]):
 
     def encode(self, value: bool) -> int:
         if value not in (0, 1):
-            raise ValueError(f"{value!r} is neither on nor off")
+            raise ValueError(f"{_said(value)} is neither on nor off")
         return self.on if value else 1 - self.on
 
     def parse(self, text: str) -> bool:
@@ -136,10 +139,14 @@ class Choice(Scale[EnumT]):
         return self.options(raw)
 
     def encode(self, value: EnumT) -> int:
-        try:
-            return int(self.options(value))
-        except ValueError:
-            raise ValueError(f"{value!r} is not one of {self._names()}") from None
+        given: Any = value
+        option: EnumT | None = None
+        if not isinstance(given, bool):  # True would be the option with number 1
+            with suppress(ValueError, TypeError):
+                option = self.options(given)
+        if option is None:
+            raise ValueError(f"{_said(value)} is not one of {self._names()}")
+        return int(option)
 
     def parse(self, text: str) -> EnumT:
         try:
@@ -166,8 +173,11 @@ class Flags(Scale[FlagT]):
     def decode(self, raw: int) -> FlagT:
         return self.options(raw)
 
-    def encode(self, value: FlagT) -> int:
-        return int(value)
+    def encode(self, value: Any) -> int:
+        if isinstance(value, bool) or not isinstance(value, Integral):
+            said = f"{_said(value)} is no set of flags: give {self.options.__name__}, or a whole number"
+            raise ValueError(said)  # noqa: TRY004 - a scale raises ValueError, whatever is wrong
+        return int(_number(value))
 
     def parse(self, text: str) -> FlagT:
         """Read "overload+overheating", "none" or a number."""
@@ -202,12 +212,12 @@ class BaudDivisor(Scale[int]):
         return round(self.clock / (raw + 1))
 
     def encode(self, value: int) -> int:
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"{value} is not a speed")
+        if not _number(value) > 0:
+            raise ValueError(f"{_said(value)} is not a speed")
         raw = round(self.clock / value) - 1
         # A code that misses the wanted speed by 3 % or more would leave the servo unreachable.
         if raw < 0 or abs(self.clock / (raw + 1) / value - 1) >= 0.03:
-            raise ValueError(f"no code comes within 3 % of {value} baud")
+            raise ValueError(f"no code comes within 3 % of {_said(value)} baud")
         return raw
 
     def parse(self, text: str) -> int:
@@ -234,13 +244,41 @@ class Lookup(Scale[int]):
         for code, meant in self.codes.items():
             if meant == value:
                 return code
-        raise ValueError(f"{value} {self.unit} is not one of {', '.join(map(str, self.codes.values()))}")
+        raise ValueError(f"{_said(value)} {self.unit} is not one of {', '.join(map(str, self.codes.values()))}")
 
     def parse(self, text: str) -> int:
         return Count().parse(text)
 
     def show(self, value: int) -> str:
         return f"{value} {self.unit}"
+
+
+LONGEST = 40
+"""Characters of a value that a message repeats; a caller may pass a text of any length for a number."""
+
+
+def _number(value: Any) -> float:
+    """Give a finite number back. Raises ValueError for what is none: a text, None, True, NaN, infinity."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise ValueError(f"{_said(value)} is not a number")  # noqa: TRY004 - as all scales do
+    number: Any = value
+    try:
+        finite = math.isfinite(number)
+    except OverflowError:  # an int beyond the range of float
+        finite = False
+    if not finite:
+        raise ValueError(f"{_said(value)} is not a number to send")
+    result: float = number
+    return result
+
+
+def _said(value: object) -> str:
+    """Write a value that was refused: shortened, since it may be anything."""
+    try:
+        text = f"{value}" if isinstance(value, Real) else repr(value)
+    except ValueError:  # Python writes no int of more than 4300 digits
+        return "an int of thousands of digits"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
 # How people read and write a quantity: unit -> (symbol, size of one symbol in the unit, decimals).

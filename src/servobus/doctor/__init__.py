@@ -25,6 +25,7 @@ def examine(port: str, plan: Plan, watch: Watcher = lambda *_: None) -> Iterator
             return  # it could not be opened
     try:
         with connect.open(port) as bus:
+            bus.models = plan.models
             yield from opened(bus)
             there = yield from search(bus, plan, watch)
             if willing := [servo for servo in there if servo.target.answers is not Answers.NOTHING]:

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 from servobus.core.ids import LAST_ID
 from servobus.core.units import show
+from servobus.families import registry
 from servobus.families.base import Family
 
 SHOWN = 3
@@ -66,8 +67,8 @@ def for_each(ids: Iterable[int], command: str) -> str:
 
 
 def at(family: Family, baud: int) -> str:
-    """Give the option that finds a servo; none is needed at its factory speed."""
-    return "" if baud == family.default_baud else f"--baud {baud}"
+    """Give the option that finds a servo; none is needed at a factory speed of its family."""
+    return "" if baud in registry.factory_bauds(family) else f"--baud {baud}"
 
 
 def twins(port: str, what: str, servo: tuple[Family, int, int], taken: Iterable[int]) -> Finding:

@@ -20,7 +20,6 @@ _FOREIGN = "noise, or requests that were meant for another family, as those of a
 _SHUT = "an alarm has shut it down: mend first what caused that; rearm switches the torque on, where it is"
 
 
-_CLEAR = ("write", "$id", "status_error=0", "status_detail=0")
 _REARM = ("rearm", "$id")
 
 
@@ -73,8 +72,9 @@ def _ask(servo: BusServo) -> list[Complaint]:
     state = servo.look()
     rows = [servo.model.register(name) for name in ("min_voltage", "max_voltage", "max_temperature")]
     low, high, hot = servo.read_many(rows).values()
-    row = servo.model.registers.get("torque_limit")
-    limit = None if row is None else servo.read(row)
+    row = servo.model.optional("output_limit")
+    # Only a limit that the servo itself changes tells that it has shut down.
+    limit = servo.read(row) if row is not None and row.volatile else None
     return [*_voltage(servo, state.voltage, low, high), *_heat(servo, state.temperature, hot), *_errors(servo, limit)]
 
 
@@ -99,8 +99,9 @@ def _errors(servo: BusServo, limit: float | None) -> Iterator[Complaint]:
     """Tell of alarms in the answers, and of a shutdown, which takes the torque limit away."""
     if servo.alarms:
         said = servo.alarm_text()
-        stays = "status_error" in servo.model.registers
-        mends: tuple[tuple[str, ...], ...] = (_CLEAR, _REARM) if stays else ()
+        stays = [row.name for row in servo.model.registers.values() if row.latched]
+        clear = ("write", "$id", *(f"{name}=0" for name in stays))
+        mends: tuple[tuple[str, ...], ...] = (clear, _REARM) if stays else ()
         level, cause = Level.FAIL, _STAYS if stays else _ENDS
         if said == "invalid_packet":  # of all errors the one that asking may have caused; it takes no torque
             level, cause, mends = Level.WARN, _FOREIGN, mends[:1]

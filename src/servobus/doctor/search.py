@@ -8,8 +8,9 @@ from servobus.bus.blocking import Bus, BusServo
 from servobus.core.ids import LAST_ID
 from servobus.doctor.findings import SHOWN, Finding, Level, Watcher, at, command, id_list, twins
 from servobus.errors import Garbled
+from servobus.families import registry
 from servobus.families.base import Answers, Family
-from servobus.jobs.scan import FoundServo, ScanProblem, ScanProgress
+from servobus.jobs.scan import FoundServo, Models, ScanProblem, ScanProgress
 
 Rounds = Sequence[tuple[Family, tuple[int, ...]]]
 """Families to ask, each with its speeds."""
@@ -23,12 +24,14 @@ class Plan:
     spare   families and speeds to ask if nobody answers there, until somebody does
     ids     ids to ask
     reads   how many reads to count lost answers in
+    models  what servos are that cannot say it themselves
     """
 
     rounds: Rounds
     spare: Rounds = ()
     ids: Sequence[int] = range(LAST_ID + 1)
     reads: int = 1000
+    models: Models | None = None
 
 
 @dataclass(slots=True)
@@ -87,7 +90,7 @@ def _nobody(port: str, plan: Plan) -> Finding:
         "no power, no common ground, a wire that is loose or in the wrong place, an adapter that does not switch "
         "its direction, or a speed or an id that was not asked"
     )
-    everything = all(set(bauds) >= set(family.bauds) for family, bauds in plan.rounds) or plan.spare
+    everything = all(set(bauds) >= set(registry.bauds(family)) for family, bauds in plan.rounds) or plan.spare
     mend = () if everything else (command("doctor", port, "--baud all"),)
     return Finding(Level.FAIL, "servos", f"nobody answers (asked {asked})", cause, mend)
 
@@ -118,11 +121,12 @@ def _speeds(port: str, found: list[FoundServo]) -> Finding:
         typical_delay = counts.most_common(1)[0][0]
         odd += [(one, typical_delay) for one in members if one.baud != typical_delay]
         for baud in sorted(counts):
-            unusual = "" if baud == family.default_baud else f" (from the factory {family.default_baud})"
+            factory = registry.factory_bauds(family)
+            unusual = "" if baud in factory else f" (from the factory {' or '.join(map(str, factory))})"
             said.append(f"{family.name} at {baud}{unusual}")
     what = ", ".join(said)
     if not odd:
-        strange = [one for one in found if one.baud != one.family.default_baud]
+        strange = [one for one in found if one.baud not in registry.factory_bauds(one.family)]
         cause = f"other commands find them with {at(strange[0].family, strange[0].baud)}" if strange else ""
         return Finding(Level.OK, "speed", what, cause)
     cause = "servos of one wire have different speeds: each hears what is meant for the others as garbage"

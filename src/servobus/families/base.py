@@ -11,10 +11,32 @@ from typing import Any, ClassVar, TypeVar
 
 from servobus.core.exchange import Exchange, Procedure, ReplyPattern
 from servobus.core.framing import Framing, Packet
-from servobus.core.registers import Area, EepRam, Int, Register, RegisterMap
+from servobus.core.registers import Area, Int, Register
 from servobus.core.values import frozen
 from servobus.errors import BadValue, BusError, UsageError
-from servobus.families.record import ServoRecord
+from servobus.families.model import Model, Performance, SpecSheet
+from servobus.families.record import MotionPermit, ServoRecord
+
+__all__ = [
+    "Answers",
+    "AxisMove",
+    "Family",
+    "Identity",
+    "KnownServo",
+    "Model",
+    "MotionStatus",
+    "Performance",
+    "Reading",
+    "ServoRef",
+    "SpecSheet",
+    "adjacent",
+    "blocks",
+    "cannot",
+    "check_output",
+    "fetch",
+    "policy_register",
+    "within",
+]
 
 T = TypeVar("T")
 
@@ -28,77 +50,43 @@ class Answers(IntEnum):
 
 
 @frozen
-class Performance:
-    """One line of a data sheet: what the servo reaches at this voltage."""
-
-    voltage: float
-    """V"""
-    stall_torque: float
-    """N·m"""
-    speed: float
-    """rad/s without load"""
-
-
-@frozen
-class SpecSheet:
-    """The maker's specification of a model, in SI units. None where the manual does not say."""
-
-    maker: str
-    performance: tuple[Performance, ...]
-    voltage: tuple[float, float]
-    """Supply, V: lowest and highest."""
-    angle: float
-    """Range in position mode, rad."""
-    resolution: float
-    """rad per position unit"""
-    nominal_voltage: float | None = None
-    temperature: tuple[float, float] | None = None
-    """Working range, °C."""
-    weight: float | None = None
-    """kg"""
-    size: tuple[float, float, float] | None = None
-    """m: width, depth and height"""
-    gear_ratio: float | None = None
-    gear: str = ""
-    motor: str = ""
-    standby_current: float | None = None
-    """A"""
-    max_current: float | None = None
-    """A"""
-    link: str = ""
-
-
-class Model(RegisterMap):
-    """A register table with a name on the case: what `models/` is full of."""
-
-    family: ClassVar["Family"]
-    number: ClassVar[int | None]
-    """What the servo says when asked for its model; None for families that cannot be asked."""
-    sheet: ClassVar[SpecSheet]
-
-    @classmethod
-    def key(cls) -> str:
-        """Give the name used in commands and files: rx28 for RX-28."""
-        return cls.title.replace("-", "").lower()
-
-
-@frozen
 class ServoRef:
-    """The servo that an exchange is for; `notes` are what was noted of it, if anybody does."""
+    """The servo that an exchange is for: enough to read it, and to write to it as asked."""
 
     id: int
     model: type[Model]
     answers: Answers
-    notes: ServoRecord | None = None
+
+    def __str__(self) -> str:
+        return f"{self.model.title} id {self.id}"
+
+
+@frozen
+class KnownServo(ServoRef):
+    """A servo as a bus knows it. Whatever writes registers with care, or sets in motion, takes one of these.
+
+    Two of them are the same only if they are one object: two servos on one port may have the same id and model, at two
+    speeds. Where id, speed or policy change, another object takes the place of this one, with the same record and
+    permit.
+    """
+
+    id: int
+    model: type[Model]
+    answers: Answers
+    baud: int
+    record: ServoRecord
+    permit: MotionPermit
+
+    @classmethod
+    def of(cls, ref: ServoRef, baud: int) -> "KnownServo":
+        """Begin to keep a record of a servo at this speed: nothing was written to it so far."""
+        return cls(ref.id, ref.model, ref.answers, baud, ServoRecord(), MotionPermit())
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, ServoRef) and self._who() == other._who()
+        return self is other
 
     def __hash__(self) -> int:
-        return hash(self._who())
-
-    def _who(self) -> tuple[object, ...]:
-        return self.id, self.model, self.answers
+        return object.__hash__(self)
 
     def __str__(self) -> str:
         return f"{self.model.title} id {self.id}"
@@ -131,7 +119,7 @@ class MotionStatus:
 class AxisMove:
     """One servo's part in a move."""
 
-    target: ServoRef
+    target: KnownServo
     goal: int
     """Raw goal position."""
     distance: float
@@ -159,22 +147,14 @@ class Family(ABC):
     name: ClassVar[str]
     title: ClassVar[str]
     framing: ClassVar[Framing]
-    default_baud: ClassVar[int]
-    bauds: ClassVar[tuple[int, ...]]
-    """Speeds that servos of this family can be set to, bit/s, most likely first."""
     full_duplex: ClassVar[bool] = False
-    max_move_time: ClassVar[float | None] = None
-    """Longest time in seconds that one timed move can take; None if moves are given by speed."""
-    volatile: ClassVar[frozenset[str]] = frozenset()
-    """Registers in RAM that the servo changes by itself: they do not tell that it restarted."""
-    motion_registers: ClassVar[frozenset[str]] = frozenset()
-    """Registers that can set a servo in motion, beside torque and goals."""
-    output_limit: ClassVar[str] = ""
-    """Register in RAM that bounds the output; "" if the family has none."""
-    turns_at_speed: ClassVar[bool] = False
-    """Whether it controls the speed of endless turn; else a share of full output is set."""
-    brakes: ClassVar[bool] = False
-    """Whether it can brake: short its motor, so that the shaft turns only slowly."""
+    needs: ClassVar[tuple[str, ...]] = ()
+    """Names of the registers that the verbs of this family rely on, beside those that every model has."""
+    keepable: ClassVar[tuple[str, ...]] = ()
+    """What `reset` can leave alone: some of "id", "baud" and "calibration"."""
+
+    def check_model(self, model: type[Model]) -> None:  # noqa: B027 - most families ask no more of a table
+        """Raise TypeError for a table that the verbs of this family cannot use, when its class is made."""
 
     # Who is there
 
@@ -203,7 +183,7 @@ class Family(ABC):
         """Read raw values."""
         return fetch(self.reading(target, registers))
 
-    def write(self, target: ServoRef, values: Mapping[Register[Any], int]) -> Procedure[None]:
+    def write(self, target: KnownServo, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Write raw values where they act at once, in as few exchanges as the family allows.
 
         What lives in EEPROM is read first, and written only if it differs. Raises EepromWear if that was done too
@@ -211,7 +191,7 @@ class Family(ABC):
         """
         yield from self._set(target, values, keep=False)
 
-    def store(self, target: ServoRef, values: Mapping[Register[Any], int]) -> Procedure[None]:
+    def store(self, target: KnownServo, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Write raw values where they survive power-off, if they differ from what is there; see `write`."""
         for register in values:
             if not self.wears(register, keep=True):
@@ -237,13 +217,10 @@ class Family(ABC):
         """Tell whether what `read_stored` gives for this register is what survives power-off."""
         return True
 
-    def _set(self, target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
-        """Write with care: every write of registers comes through here."""
-        notes = target.notes
-        if notes is None:
-            yield from self.put(target, values, keep=keep)
-            return
-        yield from self._check_step(target, values, notes)
+    def _set(self, target: KnownServo, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
+        """Write with care: every write of registers but `put` and what stops a servo comes through here."""
+        record = target.record
+        yield from self._check_step(target, values)
         worn = [register for register in values if self.wears(register, keep=keep)]
         same: frozenset[Register[Any]] = frozenset()
         if worn and target.answers is not Answers.NOTHING:  # what cannot be read cannot be compared
@@ -255,34 +232,31 @@ class Family(ABC):
             )
         fresh = [register for register in worn if register not in same]
         if fresh:
-            notes.check_wear(str(target), fresh)
+            record.check_wear(str(target), fresh)
             yield from self._check_unlocked(target, fresh)
-        in_ram = {
-            register: raw
-            for register, raw in values.items()
-            if register.name not in self.volatile and (register.area is Area.RAM or isinstance(register.place, EepRam))
-        }
-        notes.forget(in_ram)  # until it is known that they arrived
+        in_ram = {register: raw for register, raw in values.items() if not register.volatile and register.acts_in_ram}
+        record.forget(in_ram)  # until it is known that they arrived
         try:
-            yield from self.put(target, values, keep=keep, same=same)
+            for part in _policy_last(target.model, values):
+                yield from self.put(target, part, keep=keep, same=same)
         except BusError:
-            notes.wrote(fresh)  # they may have arrived
+            record.wrote(fresh)  # they may have arrived
             raise
-        notes.wrote(fresh)
-        notes.set(in_ram)
+        record.wrote(fresh)
+        record.set(in_ram)
         torque = target.model.register("torque_enable")
         if torque in values and self.torque_on(values[torque]):
-            notes.restarted = False
+            record.restarted = False
 
-    def _check_step(self, target: ServoRef, values: Mapping[Register[Any], int], notes: ServoRecord) -> Procedure[None]:
+    def _check_step(self, target: KnownServo, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Refuse goals that lie too far from where the servo is. Raises BadValue."""
-        goals = [register for register in values if register.name.endswith("goal_position")]
-        if not goals or notes.max_step is None:
+        goals = [register for register in values if register.motion and register.unit == "rad"]
+        if not goals or target.permit.max_step is None:
             return
         row = target.model.register("present_position")
         (here,) = yield from self.read(target, [row])
         for goal in goals:
-            notes.check_step(str(target), abs(goal.decode(values[goal]) - row.decode(here)))
+            target.permit.check_step(str(target), abs(goal.decode(values[goal]) - row.decode(here)))
 
     def _check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:  # noqa: ARG002
         """Raise UsageError if the servo has locked its EEPROM. Most families have no lock."""
@@ -319,16 +293,16 @@ class Family(ABC):
 
     @abstractmethod
     def stop(self, target: ServoRef) -> Procedure[None]:
-        """End the motion and hold the present position."""
+        """End the motion and hold the present position. It is not subject to `max_step`, nor recorded."""
 
     @abstractmethod
-    def torque(self, target: ServoRef, on: bool) -> Procedure[None]:
+    def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         """Switch torque. On sets goal := present position first, so that nothing jumps."""
 
-    def brake(self, target: ServoRef) -> Procedure[None]:
+    def brake(self, target: KnownServo) -> Procedure[None]:
         """Short the motor. Raises UsageError where the family cannot."""
         yield from ()  # a procedure without steps
-        raise cannot(target, "brake", "only HerkuleX servos can (Torque Control); hold or free it")
+        raise cannot(target, "brake", "nothing in it shorts the motor; hold or free it")
 
     @abstractmethod
     def push(self, target: ServoRef) -> Procedure[float]:
@@ -337,16 +311,14 @@ class Family(ABC):
     def sets_going(self, target: ServoRef, values: Mapping[Register[Any], int]) -> bool:
         """Tell whether writing these raw values can set the servo in motion, or switches it on."""
         torque = target.model.register("torque_enable")
-        return (torque in values and self.torque_on(values[torque])) or any(
-            register.name.endswith("goal_position") or register.name in self.motion_registers for register in values
-        )
+        return (torque in values and self.torque_on(values[torque])) or any(register.motion for register in values)
 
     @abstractmethod
     def read_alarms(self, target: ServoRef) -> Procedure[int]:
         """Ask which alarms stand now, as the family's own flags."""
 
     @abstractmethod
-    def rearm(self, target: ServoRef) -> Procedure[None]:
+    def rearm(self, target: KnownServo) -> Procedure[None]:
         """Bring a servo back that switched its torque off, by the family's own rule.
 
         Goal := present position before the torque comes on; one whose torque is on is left as it is. Raises
@@ -358,7 +330,7 @@ class Family(ABC):
         return raw != 0
 
     @abstractmethod
-    def turn(self, target: ServoRef, *, speed: float | None, output: float | None) -> Procedure[None]:
+    def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Turn without end: wheel, motor or infinite turn mode.
 
         `speed` in rad/s where the servo controls its speed, `output` as a share -1 .. 1 of full output where
@@ -366,29 +338,29 @@ class Family(ABC):
         """
 
     @abstractmethod
-    def position_mode(self, target: ServoRef, limits: tuple[int, int] | None) -> Procedure[None]:
+    def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
         """Come back from `turn` and hold the present position. `limits` are raw position limits to set."""
 
     # Light, life and identity
 
     @abstractmethod
-    def led(self, target: ServoRef, colour: str) -> Procedure[None]:
+    def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         """Set the light: "off", "on" or one of the colours that the model has."""
 
     @abstractmethod
-    def reboot(self, target: ServoRef) -> Procedure[None]:
+    def reboot(self, target: KnownServo) -> Procedure[None]:
         """Restart the servo. Raises UsageError where the family has no such command."""
 
     @abstractmethod
-    def reset(self, target: ServoRef, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+    def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         """Restore factory settings, less what is kept ("id", "baud", "calibration"). Gives the new id and baud."""
 
     @abstractmethod
-    def set_id(self, target: ServoRef, id: int) -> Procedure[None]:
+    def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
         """Change the id for good."""
 
     @abstractmethod
-    def set_baud(self, target: ServoRef, baud: int) -> Procedure[None]:
+    def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         """Change the speed for good; the servo is on the new speed when the procedure ends."""
 
     # Explaining
@@ -424,6 +396,11 @@ def check_output(output: float) -> float:
     return output
 
 
+def policy_register(model: type[Model]) -> Register[Any] | None:
+    """Give the register that says which requests a servo answers; None for a model that has none."""
+    return model.optional("answer_level")
+
+
 def cannot(target: ServoRef, what: str, why: str) -> UsageError:
     """Make the error for a verb that a family does not have."""
     return UsageError(f"{target} cannot {what}: {why}")
@@ -446,6 +423,14 @@ def blocks(spans: Iterable[tuple[int, int]], *, gap: int, longest: int) -> list[
 def within(spans: Sequence[tuple[int, int]], address: int) -> tuple[int, int]:
     """Find the block that holds an address: its number, and how far into it the address is."""
     return next((n, address - start) for n, (start, size) in enumerate(spans) if start <= address < start + size)
+
+
+def _policy_last(model: type[Model], values: Mapping[Register[Any], int]) -> list[Mapping[Register[Any], int]]:
+    """Part what is to be written: which requests are answered comes last, since what follows would go by it."""
+    policy = policy_register(model)
+    if policy is None or policy not in values or len(values) == 1:
+        return [values]
+    return [{register: raw for register, raw in values.items() if register is not policy}, {policy: values[policy]}]
 
 
 def adjacent(parts: Mapping[int, bytes]) -> list[tuple[int, bytes]]:

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from servobus.core.ids import BROADCAST
-from servobus.core.registers import Address, Area, Eep, EepRam, Place, Ram, Register
+from servobus.core.registers import Register
 from servobus.families.base import Model
 
 
@@ -36,16 +36,16 @@ def show_value(register: Register[Any], raw: int) -> str:
         return f"{register.name} raw {raw}"
 
 
-def show_span(model: type[Model] | None, address: int, length: int, area: Area = Area.RAM) -> str:
+def show_span(model: type[Model] | None, space: str, address: int, length: int) -> str:
     """Say what a read asks for: 2 bytes from address 36, present_position."""
     span = f"{length} byte{'' if length == 1 else 's'} from address {address}"
-    return ", ".join([span, *(row.name for _, _, row in pieces(model, address, length, area) if row is not None)])
+    return ", ".join([span, *(row.name for _, _, row in pieces(model, space, address, length) if row is not None)])
 
 
-def show_values(model: type[Model] | None, address: int, data: bytes, area: Area = Area.RAM) -> str:
+def show_values(model: type[Model] | None, space: str, address: int, data: bytes) -> str:
     """Say what stands in bytes: goal_position 150.1°, moving_speed 341.0°/s; the bytes where nothing is known."""
     said = []
-    for start, size, row in pieces(model, address, len(data), area):
+    for start, size, row in pieces(model, space, address, len(data)):
         part = data[start - address : start - address + size]
         raw = f"address {start}: {show_bytes(part)}"
         said.append(raw if row is None else show_value(row, row.layout.unpack(part)))
@@ -53,14 +53,14 @@ def show_values(model: type[Model] | None, address: int, data: bytes, area: Area
 
 
 def pieces(
-    model: type[Model] | None, address: int, length: int, area: Area = Area.RAM
+    model: type[Model] | None, space: str, address: int, length: int
 ) -> Iterator[tuple[int, int, Register[Any] | None]]:
     """Cut the bytes from `address` on into registers: (address, size, register).
 
-    The register is None for bytes that are none, or not the whole of one. `area` chooses between the two
-    maps of HerkuleX; Dynamixel has one table for both.
+    The register is None for bytes that are none, or not the whole of one. `space` is the map that the addresses are in,
+    as `Place.locations` names it.
     """
-    rows = {_address(row.place, area): row for row in model.registers.values()} if model else {}
+    rows = {row.place.within(space): row for row in model.registers.values()} if model else {}
     at, end = address, address + length
     unknown = at
     while at < end:
@@ -75,14 +75,3 @@ def pieces(
         unknown = at
     if unknown < end:
         yield unknown, end - unknown, None
-
-
-def _address(place: Place, area: Area) -> int | None:
-    match place:
-        case Address(address):
-            return address
-        case Ram(address) | EepRam(ram=address) if area is Area.RAM:
-            return address
-        case Eep(address) | EepRam(eep=address) if area is Area.EEPROM:
-            return address
-    return None

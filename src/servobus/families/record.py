@@ -1,7 +1,7 @@
-"""What is known of one servo beside its registers: how often its EEPROM was written, and what its RAM should hold.
+"""What a bus keeps of one servo beside its registers: the record of what was written to it, and its permit to move.
 
-The notes travel with the servo's `ServoRef`, so that every write passes them, whichever verb it comes from. A
-target without notes is written to as asked, without a look at what is there.
+Both belong to a `KnownServo`, which every verb that writes registers or sets in motion takes. So no verb can pass them
+by. What only reads, and `Family.put`, which writes as asked, take a plain `ServoRef`.
 """
 
 import math
@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal, TypeAlias
 
-from servobus.core.registers import EepRam, Register
+from servobus.core.registers import Register
 from servobus.errors import BadValue, EepromWear, Stopped
 
 MOST = 10
@@ -23,7 +23,7 @@ SafeAction: TypeAlias = Literal["hold", "free", "brake"]
 
 
 class ServoRecord:
-    """ServoRecord on one servo.
+    """What was written to one servo.
 
     clock           seconds that never go back; by it the brake on EEPROM writes counts. Assumption: the
                     computer's own clock, even where the servo lives on a virtual one
@@ -31,32 +31,9 @@ class ServoRecord:
     eeprom_writes   values written to its EEPROM so far
     ram             raw values that we gave it and that it keeps by itself until it restarts
     restarted       whether it lost them, so that it must not be moved before the torque is switched on anew
-    max_step        farthest that one goal may lie from where it is, rad; None for no limit
-    safe_action     what makes it safe; None: nobody chose, so it is "hold"
-    driven          whether we switched it on or set it in motion, and nothing has ended that since
-    stopped         whether it was stopped since
-    inhibited       why it must not be moved now; "" if it may
-    speed_factor    share of the speed asked for with which it is moved
-    before_motion   called before it is set in motion; what it raises forbids that
-    keep_alive      called while somebody waits for it, or sends goals again and again; what it raises ends that
     """
 
-    __slots__ = (
-        "_recent",
-        "before_motion",
-        "clock",
-        "driven",
-        "eeprom_writes",
-        "inhibited",
-        "keep_alive",
-        "max_step",
-        "most",
-        "ram",
-        "restarted",
-        "safe_action",
-        "speed_factor",
-        "stopped",
-    )  # fmt: skip
+    __slots__ = ("_recent", "clock", "eeprom_writes", "most", "ram", "restarted")
 
     def __init__(self) -> None:
         self.clock: Callable[[], float] = time.monotonic
@@ -64,13 +41,6 @@ class ServoRecord:
         self.eeprom_writes = 0
         self.ram: dict[Register[Any], int] = {}
         self.restarted = False
-        self.max_step: float | None = None
-        self.safe_action: SafeAction | None = None
-        self.driven = self.stopped = False
-        self.inhibited = ""
-        self.speed_factor = 1.0
-        self.before_motion: Callable[[], None] | None = None
-        self.keep_alive: Callable[[], None] | None = None
         self._recent: dict[str, list[float]] = {}
         """Register -> times of its last writes."""
 
@@ -86,7 +56,7 @@ class ServoRecord:
             wait = math.ceil(WINDOW - (now - written[-self.most]))
             instead = (
                 "write() sets it in RAM, which does not wear out"
-                if isinstance(register.place, EepRam)
+                if register.place.has_working_copy
                 else "use a register in RAM if one does the same"
             )
             raise EepromWear(
@@ -113,6 +83,38 @@ class ServoRecord:
         for register in list(self.ram if registers is None else registers):
             self.ram.pop(register, None)
 
+
+class MotionPermit:
+    """Whether, how fast and how far one servo may be moved, and whether it is being moved.
+
+    max_step        farthest that one goal may lie from where it is, rad; None for no limit
+    safe_action     what makes it safe; None: nobody chose, so it is "hold"
+    driven          whether we switched it on or set it in motion, and nothing has ended that since
+    stopped         whether it was stopped since
+    inhibited       why it must not be moved now; "" if it may
+    speed_factor    share of the speed asked for with which it is moved
+    before_motion   called before it is set in motion; what it raises forbids that
+    keep_alive      called while somebody waits for it, or sends goals again and again; what it raises ends that
+    """
+
+    __slots__ = (
+        "before_motion", "driven", "inhibited", "keep_alive", "max_step", "safe_action", "speed_factor", "stopped",
+    )  # fmt: skip
+
+    def __init__(self) -> None:
+        self.max_step: float | None = None
+        self.safe_action: SafeAction | None = None
+        self.driven = self.stopped = False
+        self.inhibited = ""
+        self.speed_factor = 1.0
+        self.before_motion: Callable[[], None] | None = None
+        self.keep_alive: Callable[[], None] | None = None
+
+    @property
+    def given_up(self) -> bool:
+        """Whether something has ended its motion since it was set going."""
+        return self.stopped or not self.driven
+
     def mark_moving(self) -> None:
         """Take note that it is set in motion or switched on now. Raises Stopped if that must not be."""
         if self.inhibited:
@@ -124,6 +126,11 @@ class ServoRecord:
     def mark_idle(self) -> None:
         """Take note that nothing we did moves it or holds it any more."""
         self.driven = self.stopped = False
+
+    def attend(self) -> None:
+        """Say that the program cares for this servo in motion, which feeds the watchdog. Raises Stopped."""
+        if self.keep_alive is not None:
+            self.keep_alive()
 
     def check_step(self, who: str, distance: float) -> None:
         """Raise BadValue if a goal lies farther off than `max_step`; `distance` in rad."""

@@ -1,16 +1,130 @@
-"""The models servobus knows: one class body each."""
+"""The models and families servobus knows: the built-in ones, and those that other distributions bring.
 
-from servobus.errors import UnknownName
+A distribution adds models under the entry point group `servobus.families`; each entry point names a list of models:
+
+    [project.entry-points."servobus.families"]
+    arms = "our_arms.servos:MODELS"
+
+A model brings its family with it. Entry points are looked for when a question goes beyond what is built in (a name that
+is not known, a look at all families), never at import: reading what is installed takes longer than reading a servo.
+"""
+
+import os
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TypeVar
+
+from servobus.errors import UnknownName, UsageError
 from servobus.families.base import Family, Model
 from servobus.families.dynamixel.models.rx28 import RX28
 from servobus.families.herkulex.models.drs0602 import DRS0602
 from servobus.families.lewansoul.models.lx16a import LX16A
 
-MODELS: dict[str, type[Model]] = {model.key(): model for model in (RX28, DRS0602, LX16A)}
-"""key -> model: "rx28", "drs0602", "lx16a"."""
+T = TypeVar("T")
 
-FAMILIES: dict[str, Family] = {model.family.name: model.family for model in MODELS.values()}
-"""name -> family: "dynamixel", "herkulex", "lewansoul"."""
+GROUP = "servobus.families"
+"""Entry points of this group name lists of models."""
+
+
+class Known(Mapping[str, T]):
+    """Name -> model or family. What is not built in is looked for when it is needed, see the head of this module."""
+
+    def __init__(self) -> None:
+        self.entries: dict[str, T] = {}
+        """What has been added so far."""
+
+    def __getitem__(self, name: str) -> T:
+        if name not in self.entries:
+            load_installed()
+        return self.entries[name]
+
+    def __iter__(self) -> Iterator[str]:
+        told = tuple(self.entries)
+        yield from told
+        load_installed()
+        yield from (name for name in tuple(self.entries) if name not in told)
+
+    def __len__(self) -> int:
+        load_installed()
+        return len(self.entries)
+
+    def __repr__(self) -> str:
+        return f"<{', '.join(self)}>"
+
+
+MODELS: Known[type[Model]] = Known()
+"""key -> model: "rx28", "drs0602", "lx16a", and those of other distributions."""
+
+FAMILIES: Known[Family] = Known()
+"""name -> family: "dynamixel", "herkulex", "lewansoul", and those of other distributions."""
+
+_loaded = False
+"""Whether the entry points have been looked at."""
+
+
+def add(*models: type[Model]) -> None:
+    """Make models known, and their families with them: they are found by scans and by name from then on.
+
+    Raises UsageError for a name that another model or family has already; then none of them is added.
+    """
+    families: dict[str, Family] = {}
+    keys: dict[str, type[Model]] = {}
+    for model in models:
+        if "title" not in vars(model):
+            raise UsageError(f"{model.__name__} is a parent of models: a model has a title of its own")
+        key, family = model.key(), model.family
+        other = keys.get(key) or MODELS.entries.get(key)
+        if other not in (None, model):
+            raise UsageError(f"{model.title} cannot be added: there is a model {key} already")
+        known = families.get(family.name) or FAMILIES.entries.get(family.name)
+        if known not in (None, family):
+            raise UsageError(f"{model.title} cannot be added: there is another family {family.name} already")
+        keys[key], families[family.name] = model, family
+    MODELS.entries.update(keys)
+    FAMILIES.entries.update(families)
+
+
+def load_installed() -> None:
+    """Add the models of other distributions, once. One that cannot be used is warned of and left out."""
+    global _loaded  # noqa: PLW0603 - what is installed is one thing for the whole process
+    if _loaded:
+        return
+    _loaded = True
+    if not _mentioned():
+        return
+    from importlib.metadata import entry_points  # noqa: PLC0415 - slow to import, and mostly not needed
+
+    for point in entry_points(group=GROUP):
+        try:
+            add(*point.load())
+        except Exception as error:  # noqa: BLE001 - whatever is wrong with it, the rest must go on working
+            import warnings  # noqa: PLC0415 - only ever needed for this message
+
+            warnings.warn(f"servo family {point.name} ({point.value}) is left out: {error}", stacklevel=2)
+
+
+def _mentioned() -> bool:
+    """Tell whether something that is installed may have entry points of ours.
+
+    To look for the name of the group in all entry_points.txt takes a millisecond or two; importlib.metadata takes tens
+    of them, as long as all the rest of a command that reads one servo.
+    """
+    for folder in sys.path:
+        try:
+            with os.scandir(folder or ".") as entries:
+                infos = [entry.path for entry in entries if entry.name.endswith((".dist-info", ".egg-info"))]
+        except NotADirectoryError:
+            return True  # an archive: importlib.metadata can look into it
+        except OSError:
+            continue  # what is on the path need not be there
+        for info in infos:
+            try:
+                with open(os.path.join(info, "entry_points.txt"), "rb") as file:  # noqa: PTH118, PTH123 - pathlib is slow
+                    if GROUP.encode() in file.read():
+                        return True
+            except OSError:
+                pass  # most have none
+    return False
 
 
 def model(name: str) -> type[Model]:
@@ -34,10 +148,37 @@ def identified(family: Family, number: int | None) -> type[Model] | None:
 
     A family whose servos cannot say what they are (number None) is taken for its first model.
     """
-    for candidate in MODELS.values():
-        if candidate.family.name == family.name and number in (None, candidate.number):
-            return candidate
-    return None
+    return next((model for model in models_of(family) if number in (None, model.number)), None)
+
+
+def models_of(family: Family) -> Iterator[type[Model]]:
+    """Give the models of a family, the built-in ones first."""
+    return (model for model in MODELS.values() if model.family.name == family.name)
+
+
+def first_model(family: Family) -> type[Model]:
+    """Give the model whose registers are meant where nobody says. Raises UnknownName for a family without any."""
+    for model in models_of(family):
+        return model
+    raise UnknownName(f"no model of the family {family.name} is known here")
+
+
+def factory_bauds(family: Family) -> tuple[int, ...]:
+    """Give the speeds that servos of a family have from the factory, each once, that of its first model first."""
+    return tuple(dict.fromkeys(model.factory_baud for model in models_of(family)))
+
+
+def bauds(family: Family) -> tuple[int, ...]:
+    """Give the speeds that servos of a family can have, each once, most likely first."""
+    return tuple(
+        dict.fromkeys((*factory_bauds(family), *(baud for model in models_of(family) for baud in model.bauds)))
+    )
+
+
+def names(known: Iterable[str]) -> str:
+    """List names for a sentence: "dynamixel, herkulex or lewansoul"."""
+    *most, last = known
+    return f"{', '.join(most)} or {last}" if most else last
 
 
 def _unknown(kind: str, name: str, known: list[str]) -> str:
@@ -48,4 +189,22 @@ def _unknown(kind: str, name: str, known: list[str]) -> str:
     return f"no {kind} {name!r}; {hint}"
 
 
-__all__ = ["DRS0602", "FAMILIES", "LX16A", "MODELS", "RX28", "family", "identified", "model"]
+add(RX28, DRS0602, LX16A)
+
+__all__ = [
+    "DRS0602",
+    "FAMILIES",
+    "LX16A",
+    "MODELS",
+    "RX28",
+    "add",
+    "bauds",
+    "factory_bauds",
+    "family",
+    "first_model",
+    "identified",
+    "load_installed",
+    "model",
+    "models_of",
+    "names",
+]

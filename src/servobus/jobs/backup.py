@@ -1,5 +1,6 @@
 """Backing up and restoring the settings of a servo: what survives power-off, in a file that people can read."""
 
+from collections.abc import Mapping
 from typing import Any
 
 from servobus.core.exchange import Procedure
@@ -7,7 +8,7 @@ from servobus.core.registers import Area, Register
 from servobus.core.values import frozen
 from servobus.errors import BusError, UsageError
 from servobus.families import registry
-from servobus.families.base import Model, ServoRef
+from servobus.families.base import Answers, KnownServo, Model, ServoRef, policy_register
 
 
 @frozen
@@ -48,15 +49,32 @@ class Backup:
         try:
             data = tomllib.loads(text)
             model = registry.model(data["model"])
-            values = {name: int(raw) for name, raw in data["settings"].items()}
-            backup = cls(model, str(data["firmware"]), int(data["id"]), int(data["baud"]), values)
+            settings = dict(data["settings"])
+            firmware, id, baud = str(data["firmware"]), data["id"], data["baud"]
         except (tomllib.TOMLDecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
             raise UsageError(f"this is not a backup file: {error}") from None
-        for name, raw in values.items():
+        values: dict[str, int] = {}
+        for name, raw in {"id": id, "baud": baud}.items():
+            _check_whole(text, name, raw)
+        for name, raw in settings.items():
             register = model.register(name)
+            _check_whole(text, name, raw)
             if not register.accepts(raw):
                 raise UsageError(f"the backup is damaged: {register.name} = {raw} is not {register.range_text()}")
-        return backup
+            if register.name in values:
+                raise UsageError(f"the backup is damaged: {register.name} stands in it twice, once as an alias")
+            values[register.name] = raw
+        return cls(model, firmware, id, baud, values)
+
+
+def _check_whole(text: str, name: str, raw: object) -> None:
+    """Refuse what only looks like a raw value: 511.9 would be cut to 511, true taken for 1."""
+    if type(raw) is int:
+        return
+    lines = text.splitlines()
+    line = next((n for n, line in enumerate(lines, 1) if line.partition("=")[0].strip(" \"'") == name), None)
+    where = f" in line {line}" if line is not None else ""
+    raise UsageError(f"the backup is damaged: {name}{where} is {raw!r}, and a raw value is a whole number")
 
 
 def _settings(model: type[Model]) -> list[Register[Any]]:
@@ -64,9 +82,9 @@ def _settings(model: type[Model]) -> list[Register[Any]]:
     return [row for row in model.registers.values() if row.area is Area.EEPROM and row.writable]
 
 
-def _identity_names(model: type[Model]) -> set[str]:
+def identity_names(model: type[Model]) -> set[str]:
     """Name the registers that say who a servo is rather than how it behaves."""
-    return {"id", model.aliases.get("baud", "baud")}
+    return {row.name for row in (model.register("id"), model.optional("baud")) if row is not None}
 
 
 def backup(target: ServoRef, firmware: str, baud: int) -> Procedure[Backup]:
@@ -82,21 +100,36 @@ def backup(target: ServoRef, firmware: str, baud: int) -> Procedure[Backup]:
     )
 
 
-def restore(target: ServoRef, saved: Backup) -> Procedure[list[str]]:
-    """Write the settings that differ from the backup; id and speed stay as they are. Gives their names."""
+def restore(target: KnownServo, saved: Backup) -> Procedure[list[str]]:
+    """Write the settings that differ from the backup; id and speed stay as they are. Gives their names.
+
+    Which requests the servo answers is set last, after all the others were read back.
+    """
     if saved.model is not target.model:
         raise UsageError(
             f"the backup belongs to model {saved.model.title}, {target} is another model; nothing was written"
         )
-    skip = _identity_names(target.model)
+    skip = identity_names(target.model)
     rows = [row for row in _settings(target.model) if row.name in saved.values and row.name not in skip]
     present = yield from target.model.family.read_stored(target, rows)
     changes = {
         row: saved.values[row.name] for row, raw in zip(rows, present, strict=True) if raw != saved.values[row.name]
     }
+    policy = policy_register(target.model)
+    last = {policy: changes.pop(policy)} if policy is not None and policy in changes else {}
+    yield from _store_and_check(target, changes)
+    if policy in last:
+        if last[policy] == Answers.NOTHING:
+            yield from target.model.family.store(target, last)  # it cannot be read back any more
+        else:
+            yield from _store_and_check(target, last)
+    return [row.name for row in rows if row in changes or row in last]
+
+
+def _store_and_check(target: KnownServo, changes: Mapping[Register[Any], int]) -> Procedure[None]:
+    """Write for good, and read back. Raises BusError for what the servo did not take."""
     yield from target.model.family.store(target, changes)
     after = yield from target.model.family.read_stored(target, list(changes))
     wrong = [row.name for row, raw in zip(changes, after, strict=True) if raw != changes[row]]
     if wrong:
         raise BusError(f"{target} did not take {', '.join(wrong)}")
-    return [row.name for row in changes]

@@ -7,7 +7,7 @@ from servobus.core.registers import Register
 from servobus.core.units import show
 from servobus.core.values import frozen
 from servobus.errors import Restarted
-from servobus.families.base import Family, Identity, ServoRef
+from servobus.families.base import Family, Identity, KnownServo, ServoRef
 
 
 @frozen
@@ -45,30 +45,30 @@ def identify_at(family: Family, id: int, baud: int) -> Procedure[Identity]:
     return (yield from family.identify(id))
 
 
-def verify(target: ServoRef) -> Procedure[None]:
+def verify(target: KnownServo) -> Procedure[None]:
     """Compare what was set in the servo's RAM, torque included, with what it holds. Raises Restarted.
 
     Without anything set so far nothing can be told. A servo whose torque is off because of an alarm has not
     restarted.
     """
-    notes, family = target.notes, target.model.family
-    if notes is None or not notes.ram:
+    record, family = target.record, target.model.family
+    if not record.ram:
         return
-    rows = list(notes.ram)
+    rows = list(record.ram)
     raws = yield from family.read(target, rows)
-    lost = {row: raw for row, raw in zip(rows, raws, strict=True) if raw != notes.ram[row]}
+    lost = {row: raw for row, raw in zip(rows, raws, strict=True) if raw != record.ram[row]}
     torque = target.model.register("torque_enable")
-    if torque in lost and family.torque_on(notes.ram[torque]) and not family.torque_on(lost[torque]):
+    if torque in lost and family.torque_on(record.ram[torque]) and not family.torque_on(lost[torque]):
         alone = len(lost) == 1
         if alone and (yield from family.read_alarms(target)):
             return
     if not lost:
         return
     said = ", ".join(
-        f"{row.name} is {_said(row, raw)}, was set to {_said(row, notes.ram[row])}" for row, raw in lost.items()
+        f"{row.name} is {_said(row, raw)}, was set to {_said(row, record.ram[row])}" for row, raw in lost.items()
     )
-    notes.forget()
-    notes.restarted = True
+    record.forget()
+    record.restarted = True
     raise Restarted(
         f"{target} has lost what was set in it: it restarted, a write was lost, or another program changed it "
         f"({said}). Set it up again; it moves after torque_on() or rearm()"

@@ -1,15 +1,14 @@
 """Making one servo safe: hold it, free it or brake it."""
 
 from servobus.core.exchange import Procedure
-from servobus.core.values import replace
 from servobus.errors import BusError
-from servobus.families.base import Answers, ServoRef
+from servobus.families.base import Answers, KnownServo, ServoRef
 from servobus.families.record import SafeAction
 
 
-def make_safe(target: ServoRef, action: SafeAction) -> Procedure[None]:
+def make_safe(target: KnownServo, action: SafeAction) -> Procedure[None]:
     """Hold a servo where it is, free it or brake it."""
-    family, notes = target.model.family, target.notes
+    family = target.model.family
     if action == "free":
         yield from family.torque(target, on=False)
         # Most servos do not answer to that: it may have been lost.
@@ -19,10 +18,9 @@ def make_safe(target: ServoRef, action: SafeAction) -> Procedure[None]:
                 raise BusError(f"{target}: its torque is still on")
     elif action == "brake":
         yield from family.brake(target)
-    elif notes is None or not notes.stopped:
-        yield from _hold(replace(target, notes=None))  # no limit of one step stands against stopping
-    if notes is not None:
-        notes.mark_idle()
+    elif not target.permit.stopped:
+        yield from _hold(target)
+    target.permit.mark_idle()
 
 
 def _hold(target: ServoRef) -> Procedure[None]:

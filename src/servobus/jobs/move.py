@@ -1,14 +1,14 @@
 """Moves of one servo or several: planned, checked, started, and waited for."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from numbers import Real
 
-from servobus.core.exchange import Pause, Procedure
+from servobus.core.exchange import Now, Pause, Procedure, SetBaud
 from servobus.core.units import deg, show
 from servobus.core.values import frozen
 from servobus.errors import BadValue, MoveTimeout, Stopped, TorqueOff, UsageError
-from servobus.families.base import AxisMove, ServoRef
+from servobus.families.base import AxisMove, KnownServo, MotionStatus, ServoRef
 
 DEFAULT_SPEED = 90 * deg
 """Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try."""
@@ -18,113 +18,127 @@ SHORTEST = 0.02
 LOOK = 0.02
 """s between two looks whether a servo has arrived."""
 ATTENTION = 0.05
-"""s between two words to the watch while it cannot have arrived yet: well within the time-out of most."""
+"""s between two words to the watchdog while it cannot have arrived yet: well within the time-out of most."""
 
 
 @frozen
 class PlannedMove:
-    """A move of servos of one family: who goes where, and when all should be there."""
+    """A move of several servos: who goes where, and when all should be there."""
 
     axes: tuple[AxisMove, ...]
-    without_torque: tuple[ServoRef, ...]
+    without_torque: tuple[KnownServo, ...]
     """Servos whose torque was off when the move was planned."""
 
     @property
     def duration(self) -> float:
-        """Seconds from start to arrival."""
+        """Seconds from start to arrival, the same for all."""
         return max(axis.duration for axis in self.axes)
 
 
 def plan(
-    goals: Mapping[ServoRef, float], *, time: float | None = None, speed: float | None = None
+    goals: Mapping[KnownServo, float], *, time: float | None = None, speed: float | None = None
 ) -> Procedure[PlannedMove]:
     """Check a move of one servo or several that start together and arrive together; nothing moves yet.
 
-    goals   target -> angle in rad, targets of one family
+    goals   servo -> angle in rad, servos of any families, at any speeds
     time    seconds the move takes, or
     speed   rad/s of the servo that has the longest way; DEFAULT_SPEED if neither is given
 
     Raises BadValue for an angle, time or speed that cannot be, or for a step beyond `max_step`; UsageError for a servo
     in endless turn.
     """
+    if not goals:
+        raise UsageError("a move of no servos: give at least one goal")
     if time is not None and speed is not None:
         raise BadValue("a move takes either a time or a speed, not both")
     for name, value in (("time", time), ("speed", speed)):
         if value is not None and not (_is_number(value) and 0 < value < math.inf):
             raise BadValue(f"{name} {value!r} is not a number above 0")
-    families = {target.model.family.name for target in goals}
-    if len(families) != 1:
-        raise UsageError(f"one move drives servos of one family, not {' and '.join(sorted(families)) or 'none'}")
 
     raw = {target: raw_goal(target, angle) for target, angle in goals.items()}
-    family = next(iter(goals)).model.family
-    distances: dict[ServoRef, float] = {}
+    distances: dict[KnownServo, float] = {}
     without_torque = []
-    for target, goal in raw.items():
-        motion_status = yield from family.motion_status(target)
-        if motion_status.turning:
-            raise UsageError(
-                f"{target} turns without end; position_mode() or `servobus turn PORT {target.id} --end` ends that"
-            )
-        row = target.model.register("goal_position")
-        if not motion_status.low <= goal <= motion_status.high:
-            low, high = row.show(row.decode(motion_status.low)), row.show(row.decode(motion_status.high))
-            raise BadValue(f"{target}: {row.show(row.decode(goal))} is outside the limits set in it, {low} .. {high}")
-        notes = target.notes
-        if not motion_status.torque or (notes is not None and notes.restarted):
+    for target in _by_kind(raw):
+        motion_status = yield from _checked(target, raw[target])
+        if not motion_status.torque or target.record.restarted:
             without_torque.append(target)
-        distances[target] = abs(row.decode(goal) - motion_status.position)
-        if notes is not None:
-            notes.check_step(str(target), distances[target])
+        row = target.model.register("goal_position")
+        distances[target] = abs(row.decode(raw[target]) - motion_status.position)
+        target.permit.check_step(str(target), distances[target])
     if time is None:
         time = max(max(distances.values()) / (speed or DEFAULT_SPEED), SHORTEST)
-    time /= min(target.notes.speed_factor if target.notes is not None else 1.0 for target in goals)
-    if family.max_move_time is not None and time > family.max_move_time:
-        raise BadValue(
-            f"a {family.title} move takes {show(family.max_move_time, 's')} at most, "
-            f"this one would take {show(time, 's')}: go in steps, or faster"
-        )
+    time /= min(target.permit.speed_factor for target in goals)
+    for target in goals:
+        longest = target.model.max_move_time
+        if longest is not None and time > longest:
+            raise BadValue(
+                f"a {target.model.family.title} move takes {show(longest, 's')} at most, "
+                f"this one would take {show(time, 's')}: go in steps, or faster"
+            )
     axes = tuple(AxisMove(target, goal, distances[target], time) for target, goal in raw.items())
     for axis in axes:
-        family.check_axis(axis)
-    return PlannedMove(axes, tuple(without_torque))
+        axis.target.model.family.check_axis(axis)
+    return PlannedMove(axes, tuple(target for target in raw if target in without_torque))
+
+
+def _by_kind(targets: Iterable[KnownServo]) -> list[KnownServo]:
+    """Bring servos into an order in which the speed of the port changes seldom: a change may cost 0.2 s."""
+    kinds: dict[tuple[str, int], list[KnownServo]] = {}
+    for target in targets:
+        kinds.setdefault((target.model.family.name, target.baud), []).append(target)
+    return [target for kind in kinds.values() for target in kind]
+
+
+def _checked(target: KnownServo, goal: int) -> Procedure[MotionStatus]:
+    """Read where a servo is. Raises UsageError or BadValue if it would not follow this raw goal."""
+    yield SetBaud(target.baud)
+    motion_status = yield from target.model.family.motion_status(target)
+    if motion_status.turning:
+        raise UsageError(
+            f"{target} turns without end; position_mode() or `servobus turn PORT {target.id} --end` ends that"
+        )
+    row = target.model.register("goal_position")
+    if not motion_status.low <= goal <= motion_status.high:
+        low, high = row.show(row.decode(motion_status.low)), row.show(row.decode(motion_status.high))
+        raise BadValue(f"{target}: {row.show(row.decode(goal))} is outside the limits set in it, {low} .. {high}")
+    return motion_status
 
 
 def start_move(course: PlannedMove) -> Procedure[None]:
-    """Start a move that was planned. Raises Stopped if one of its servos must not move now."""
-    mark_moving(axis.target for axis in course.axes)
-    yield from course.axes[0].target.model.family.start_moves(course.axes)
+    """Start a move that was planned, each family with as few packets as it allows, one family right after the other.
+
+    Raises Stopped, before anything moves, if one of its servos must not move now.
+    """
+    for axis in course.axes:
+        axis.target.permit.mark_moving()
+    kinds: dict[tuple[str, int], list[AxisMove]] = {}
+    for axis in course.axes:
+        kinds.setdefault((axis.target.model.family.name, axis.target.baud), []).append(axis)
+    for axes in kinds.values():
+        yield SetBaud(axes[0].target.baud)
+        yield from axes[0].target.model.family.start_moves(axes)
 
 
-def mark_moving(targets: Iterable[ServoRef]) -> None:
-    """Take note that these are set in motion or switched on now. Raises Stopped if one must not be."""
-    for target in targets:
-        if target.notes is not None:
-            target.notes.mark_moving()
-
-
-def keep_moving(targets: Iterable[ServoRef]) -> None:
+def keep_moving(targets: Iterable[KnownServo]) -> None:
     """Take note that these are given goals again and again. As `mark_moving`, but quick for those that move already.
 
-    The targets are on one bus, so that one word to its watch is enough.
+    They are on one bus, so that one word to its watchdog is enough.
     """
     attended = False
     for target in targets:
-        notes = target.notes
-        if notes is None:
-            continue
-        if not notes.driven or notes.stopped or notes.inhibited:
-            notes.mark_moving()
+        permit = target.permit
+        if permit.given_up or permit.inhibited:
+            permit.mark_moving()
         elif not attended:
-            keep_alive(target)
+            permit.attend()
             attended = True
 
 
-def require_torque(moves: Sequence[PlannedMove]) -> None:
+def require_torque(course: PlannedMove) -> None:
     """Refuse a move that some servo would not follow. Raises TorqueOff."""
-    without_torque = [str(target) for course in moves for target in course.without_torque]
-    if without_torque:
-        raise TorqueOff(f"{', '.join(without_torque)}: torque is off, so nothing would move; switch it on first")
+    if course.without_torque:
+        who = ", ".join(map(str, course.without_torque))
+        raise TorqueOff(f"{who}: torque is off, so nothing would move; switch it on first")
 
 
 def raw_goal(target: ServoRef, angle: float) -> int:
@@ -155,44 +169,40 @@ def _is_number(value: object) -> bool:
 def wait_arrival(course: PlannedMove, *, timeout: float | None = None, tolerance: float = 3 * deg) -> Procedure[None]:
     """Wait until all servos of a move stand still near their goals.
 
-    `timeout` is in seconds from now; the move's own duration and 2 s by default. Raises MoveTimeout, or Stopped as soon
-    as one of them does not come any more: it was made safe, stopped, or its torque was switched off.
+    `timeout` is in seconds from now, by the port's clock; the move's own duration and 2 s by default. Raises
+    MoveTimeout when it is over, after one last look at most, or Stopped as soon as one of them does not come any more:
+    it was made safe, stopped, or its torque was switched off.
     """
     if timeout is not None and not timeout >= 0:
         raise BadValue(f"timeout {timeout} is not a number of seconds")
-    left = course.duration + 2.0 if timeout is None else timeout
-    begin = left - course.duration
-    while left > max(begin, 0) and not any(_given_up(axis.target) for axis in course.axes):
-        keep_alive(course.axes[0].target)
-        pause = min(left - max(begin, 0), ATTENTION)
-        yield Pause(pause, shared=True)
-        left -= pause
-    for axis in sorted(course.axes, key=lambda axis: not _given_up(axis.target)):
-        row = axis.target.model.register("present_position")
-        while True:
-            keep_alive(axis.target)
-            given_up = _given_up(axis.target)
-            moving = yield from axis.target.model.family.moving(axis.target)
-            (raw,) = yield from axis.target.model.family.read(axis.target, [row])
-            if not moving and abs(row.decode(raw) - row.decode(axis.goal)) <= tolerance:
-                break
-            here, goal = row.show(row.decode(raw)), row.show(row.decode(axis.goal))
-            if given_up:
-                raise Stopped(
-                    f"{axis.target} is at {here} and goes to {goal} no more: it was stopped or its torque switched off"
-                )
-            if left <= 0:
-                raise MoveTimeout(f"{axis.target} is at {here} and did not reach {goal}")
-            yield Pause(LOOK, shared=True)
-            left -= LOOK
+    began = yield Now()
+    end = began + (course.duration + 2.0 if timeout is None else timeout)
+    arrival = min(began + course.duration, end)
+    while not any(axis.target.permit.given_up for axis in course.axes) and (left := arrival - (yield Now())) > 0:
+        course.axes[0].target.permit.attend()
+        yield Pause(min(left, ATTENTION), shared=True)
+    # One that does not come any more is looked at first, so that Stopped is raised at once.
+    for axis in sorted(course.axes, key=lambda axis: not axis.target.permit.given_up):
+        yield from _wait_axis(axis, end, tolerance)
 
 
-def keep_alive(target: ServoRef) -> None:
-    """Say that somebody cares for a servo in motion, which feeds the watch. Raises Stopped if nothing is to move."""
-    if target.notes is not None and target.notes.keep_alive is not None:
-        target.notes.keep_alive()
-
-
-def _given_up(target: ServoRef) -> bool:
-    """Tell whether something has ended its motion since it was set going."""
-    return target.notes is not None and (target.notes.stopped or not target.notes.driven)
+def _wait_axis(axis: AxisMove, end: float, tolerance: float) -> Procedure[None]:
+    """Look at one servo again and again until it has arrived, or until this time."""
+    target = axis.target
+    row = target.model.register("present_position")
+    while True:
+        target.permit.attend()
+        given_up = target.permit.given_up
+        yield SetBaud(target.baud)
+        moving = yield from target.model.family.moving(target)
+        (raw,) = yield from target.model.family.read(target, [row])
+        if not moving and abs(row.decode(raw) - row.decode(axis.goal)) <= tolerance:
+            return
+        here, goal = row.show(row.decode(raw)), row.show(row.decode(axis.goal))
+        if given_up:
+            raise Stopped(
+                f"{target} is at {here} and goes to {goal} no more: it was stopped or its torque switched off"
+            )
+        if (left := end - (yield Now())) <= 0:
+            raise MoveTimeout(f"{target} is at {here} and did not reach {goal}")
+        yield Pause(min(left, LOOK), shared=True)

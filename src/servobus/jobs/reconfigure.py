@@ -11,7 +11,7 @@ from servobus.core.ids import check_id
 from servobus.core.registers import Area, Register
 from servobus.core.values import frozen, replace
 from servobus.errors import BusError, NoReply, Refused, UsageError
-from servobus.families.base import Answers, Family, Model, ServoRef
+from servobus.families.base import Answers, Family, KnownServo, Model
 
 ROUNDS = 3
 """Times that both ends are asked before a servo counts as lost."""
@@ -28,14 +28,14 @@ class End:
         return f"id {self.id} at {self.baud} baud"
 
 
-def change_id(target: ServoRef, baud: int, id: int) -> Procedure[None]:
+def change_id(target: KnownServo, id: int) -> Procedure[None]:
     """Give a servo another id, for good.
 
     Raises UsageError if some servo has it already, BusError if the servo stays what it was, NoReply if it is found
     under neither id.
     """
     family = target.model.family
-    old, new = End(check_id(target.id), baud), End(check_id(id), baud)
+    old, new = End(check_id(target.id), target.baud), End(check_id(id), target.baud)
     if new == old:
         return
     if (yield from _taken(family, new, old)):
@@ -43,14 +43,14 @@ def change_id(target: ServoRef, baud: int, id: int) -> Procedure[None]:
     yield from _change(target, old, new, lambda end: family.set_id(target, end.id))
 
 
-def change_baud(target: ServoRef, baud: int, new_baud: int) -> Procedure[None]:
+def change_baud(target: KnownServo, new_baud: int) -> Procedure[None]:
     """Set a servo to another speed, for good; the bus follows it.
 
     Raises UsageError if another servo with its id is there already, for nobody could tell the two apart; BusError if
     the servo stays at the old speed, NoReply if it is found at neither.
     """
     family = target.model.family
-    old, new = End(check_id(target.id), baud), End(target.id, new_baud)
+    old, new = End(check_id(target.id), target.baud), End(target.id, new_baud)
     if new != old and (yield from _taken(family, new, old)):
         raise UsageError(
             f"another servo answers to id {target.id} at {new_baud} baud: give one of them another id first"
@@ -58,7 +58,7 @@ def change_baud(target: ServoRef, baud: int, new_baud: int) -> Procedure[None]:
     yield from _change(target, old, new, lambda end: family.set_baud(target, end.baud))
 
 
-def reset(target: ServoRef, baud: int, keep: frozenset[str]) -> Procedure[End]:
+def reset(target: KnownServo, keep: frozenset[str]) -> Procedure[End]:
     """Restore factory settings; gives where the servo is then.
 
     Raises UsageError if another servo has the factory id, for nothing but unplugging one would tell the two apart;
@@ -67,7 +67,8 @@ def reset(target: ServoRef, baud: int, keep: frozenset[str]) -> Procedure[End]:
     family = target.model.family
     factory = target.model.register("id").default
     id = target.id if "id" in keep or factory is None else factory
-    old, new = End(check_id(target.id), baud), End(id, baud if "baud" in keep else family.default_baud)
+    old = End(check_id(target.id), target.baud)
+    new = End(id, target.baud if "baud" in keep else target.model.factory_baud)
     if new != old and (yield from _taken(family, new, old)):
         raise UsageError(
             f"{target} would get {new}, and another servo answers to that already: "
@@ -99,16 +100,16 @@ def reset(target: ServoRef, baud: int, keep: frozenset[str]) -> Procedure[End]:
 
 def _resettable(model: type[Model]) -> list[Register[int]]:
     """List the settings whose factory value is known and that nobody asks to keep."""
-    kept = {"id", model.aliases.get("baud", "baud"), "calibration_difference"}
+    kept = (model.register("id"), model.optional("baud"), model.optional("calibration"))
     return [
         row
         for row in model.registers.values()
-        if row.area is Area.EEPROM and row.writable and row.default is not None and row.name not in kept
+        if row.area is Area.EEPROM and row.writable and row.default is not None and row not in kept
     ]
 
 
 def _change(
-    target: ServoRef, old: End, new: End, attempt: Callable[[End], Procedure[None]], *, back: bool = True
+    target: KnownServo, old: End, new: End, attempt: Callable[[End], Procedure[None]], *, back: bool = True
 ) -> Procedure[None]:
     """Try to bring a servo from one end to the other, a second time if it is found where it was.
 

@@ -1,7 +1,7 @@
 """Finding servos: all of them, or one."""
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeAlias
 
 from servobus.core.exchange import Batch, Exchange, Procedure, SetBaud
 from servobus.core.ids import LAST_ID, check_id
@@ -54,12 +54,60 @@ class ScanProgress:
     found: FoundServo | None = None
 
 
+@frozen
+class ModelConflict:
+    """A servo says that it is of another model than `attach` gave. It stays what it was attached as."""
+
+    attached: ServoRef
+    found: FoundServo
+
+    def __str__(self) -> str:
+        says = self.found.model.title if self.found.model else f"model {self.found.identity.number}"
+        attached = self.attached.model.title
+        return (
+            f"id {self.found.id} at {self.found.baud} baud was attached as {attached} and says that it is {says}; "
+            f"it stays {attached} until it is attached anew"
+        )
+
+
 class ScanResult:
     """What a scan saw."""
 
     def __init__(self) -> None:
         self.found: list[FoundServo] = []
         self.troubles: list[ScanProblem] = []
+        self.conflicts: list[ModelConflict] = []
+
+
+Models: TypeAlias = str | type[Model] | Mapping[int, str | type[Model]]
+"""What servos are that cannot say it: a model for all of its family, or id -> model. Models by name or themselves."""
+
+
+def model_told(models: Models | None, family: Family, id: int) -> type[Model] | None:
+    """Give the model that was said to be the one of a servo. Raises UnknownName for one that nobody knows."""
+    told = models.get(id) if isinstance(models, Mapping) else models
+    model = registry.model(told) if isinstance(told, str) else told
+    return model if model is not None and model.family is family else None
+
+
+def check_models(models: Models | None) -> Models | None:
+    """Give back what servos are said to be. Raises UnknownName for a name of no model, BadValue for an id."""
+    if isinstance(models, Mapping):
+        for id in models:
+            check_id(id)
+    for told in models.values() if isinstance(models, Mapping) else (models,):
+        if isinstance(told, str):
+            registry.model(told)
+    return models
+
+
+Identify: TypeAlias = Callable[[Family, int, int, int | None], type[Model] | None]
+"""Tells the model of a servo by its family, id, speed and the number that it reports; None if no model is known."""
+
+
+def by_number(family: Family, _id: int, _baud: int, number: int | None) -> type[Model] | None:
+    """Tell the model by what the servo says; one that cannot say it is taken for the first model of its family."""
+    return registry.identified(family, number)
 
 
 AT_ONCE = 16
@@ -74,14 +122,15 @@ def scan(
     ids: Iterable[int] = range(LAST_ID + 1),
     watch: Watcher | None = None,
     survey: ScanResult | None = None,
+    identify: Identify = by_number,
 ) -> Procedure[ScanResult]:
     """Ask every id of every family at every speed whether it is there. Moves nothing, changes nothing.
 
-    `bauds` None means each family's factory speed. What is found is put into `survey` at once, so it is there even
-    if the scan is broken off.
+    `bauds` None means the factory speeds of each family's models. What is found is put into `survey` at once, so it is
+    there even if the scan is broken off.
     """
     wanted = [check_id(id) for id in ids]
-    rounds = [(baud, family) for family in families for baud in bauds or (family.default_baud,)]
+    rounds = [(baud, family) for family in families for baud in bauds or registry.factory_bauds(family)]
     survey = ScanResult() if survey is None else survey
     done = 0
     for baud, family in sorted(rounds, key=lambda item: item[0]):
@@ -94,18 +143,18 @@ def scan(
                 done += 1
                 found = None
                 if not isinstance(answer, NoReply):
-                    found = yield from _met(family, id, baud, survey)
+                    found = yield from _met(family, id, baud, survey, identify)
                 if watch is not None:
                     watch(ScanProgress(done, len(rounds) * len(wanted), family, baud, id, found))
     return survey
 
 
-def _met(family: Family, id: int, baud: int, survey: ScanResult) -> Procedure[FoundServo | None]:
+def _met(family: Family, id: int, baud: int, survey: ScanResult, identify: Identify) -> Procedure[FoundServo | None]:
     """Look closer at what may have answered, and put it into the survey."""
     try:
         ping: Exchange[Any] = family.ping(id)
         alarms = (yield ping.mapped(ping.alarms)) if ping.alarms is not None else (yield ping) or 0
-        found = yield from _meet(family, id, baud, alarms)
+        found = yield from _meet(family, id, baud, alarms, identify)
     except NoReply:
         return None
     except BusError as error:
@@ -115,28 +164,32 @@ def _met(family: Family, id: int, baud: int, survey: ScanResult) -> Procedure[Fo
     return found
 
 
-def _meet(family: Family, id: int, baud: int, alarms: int) -> Procedure[FoundServo]:
+def _meet(family: Family, id: int, baud: int, alarms: int, identify: Identify) -> Procedure[FoundServo]:
     """Get to know a servo that is there."""
     identity = yield from family.identify(id)
-    model = registry.identified(family, identity.number)
+    model = identify(family, id, baud, identity.number)
     state = None
     if model is not None and identity.answers is not Answers.NOTHING:
         state = yield from look(ServoRef(id, model, identity.answers))
     return FoundServo(family, id, baud, identity, model, state, alarms)
 
 
-def find(families: Sequence[Family], bauds: Sequence[int] | None, id: int) -> Procedure[FoundServo]:
+def find(
+    families: Sequence[Family], bauds: Sequence[int] | None, id: int, identify: Identify = by_number
+) -> Procedure[FoundServo]:
     """Look for one servo. Raises NoReply if nobody answers, BusError if it is no model known here."""
-    survey = yield from scan(families, bauds, [id])
+    survey = yield from scan(families, bauds, [id], identify=identify)
     for found in survey.found:
         if found.model is not None:
             yield SetBaud(found.baud)
             return found
         raise BusError(
             f"id {id} at {found.baud} baud answers as {found.family.title} model {found.identity.number}, "
-            "which is not known here"
+            "which is not known here; a model can be said to be meant, with `models=` or --model"
         )
     if survey.troubles:
         raise survey.troubles[0].error
-    tried = ", ".join(f"{family.name} at {'/'.join(map(str, bauds or (family.default_baud,)))}" for family in families)
+    tried = ", ".join(
+        f"{family.name} at {'/'.join(map(str, bauds or registry.factory_bauds(family)))}" for family in families
+    )
     raise NoReply(f"no servo answers to id {id} (tried {tried}); is it powered, and is that its speed?")

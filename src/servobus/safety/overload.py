@@ -1,6 +1,6 @@
 """Heat and stall: when a servo is warned of, weakened, and made safe.
 
-`Guard` only judges: it has no bus and no clock. `protect` reads one servo, has its guard judge, and acts.
+An `OverloadMonitor` belongs to one servo; `Bus.protect` has each look at its own.
 
     OK      cool, and it moves if it pushes
     WARN    near its temperature limit: somebody is told
@@ -10,12 +10,11 @@
 
 from enum import IntEnum
 
-from servobus.core.exchange import Procedure
+from servobus.core.exchange import Now, Procedure
 from servobus.core.units import deg
 from servobus.core.values import frozen
 from servobus.errors import BadValue
-from servobus.families.base import ServoRef
-from servobus.families.record import SafeAction
+from servobus.families.base import KnownServo
 from servobus.jobs.make_safe import make_safe
 
 STILL = 1 * deg
@@ -54,17 +53,45 @@ class Thresholds:
         return self
 
 
-class Guard:
-    """Judges one servo by what is read of it now and then."""
+class OverloadMonitor:
+    """Watches over one servo: judges by what is read of it now and then, and acts.
+
+    `judge` has no bus and no clock. `look` reads the servo, judges, and does what the level asks for.
+    """
 
     def __init__(self, limit: float, thresholds: Thresholds | None = None) -> None:
         self.limit = limit
+        """°C, the one set in the servo."""
         self.thresholds = (thresholds or Thresholds()).check()
         self.level = Level.OK
         self.stalled = False
+        self.output_limit: int | None = None
+        """What its strength was before it was halved, raw."""
         self._heat = Level.OK
         self._since: tuple[float, float] | None = None
         """Time and position since which it pushes without moving."""
+
+    @classmethod
+    def of(cls, target: KnownServo, thresholds: Thresholds) -> "Procedure[OverloadMonitor]":
+        """Make the monitor of a servo: its limit is the one set in it."""
+        row = target.model.register("max_temperature")
+        (raw,) = yield from target.model.family.read(target, [row])
+        return cls(row.decode(raw), thresholds)
+
+    def look(self, target: KnownServo) -> Procedure[Level]:
+        """Read the servo, judge it, and act."""
+        family, permit = target.model.family, target.permit
+        names = ("present_temperature", "present_position")
+        rows = [target.model.register(name) for name in names]
+        temperature, position = yield from family.read(target, rows)
+        # Of one that we do not drive, or have stopped, a goal that it never reached says nothing.
+        push = 0.0 if permit.given_up else (yield from family.push(target))
+        now = yield Now()
+        level = self.judge(now, rows[0].decode(temperature), push, rows[1].decode(position))
+        yield from self._act(target, level)
+        return level
+
+    # Judging
 
     def judge(self, now: float, temperature: float, push: float, position: float) -> Level:
         """Give the level at this time in s, from °C, the share of its allowed output, and rad."""
@@ -94,73 +121,40 @@ class Guard:
             self._since = now, position
         return now - self._since[0] >= self.thresholds.stall
 
+    # Acting
 
-class Protection:
-    """Keeps one servo from burning: its guard, and what was taken from it."""
-
-    def __init__(self, guard: Guard) -> None:
-        self.guard = guard
-        self.output_limit: int | None = None
-        """What its strength was before it was halved, raw."""
-
-    def act(self, target: ServoRef, level: Level, action: SafeAction) -> Procedure[None]:
+    def _act(self, target: KnownServo, level: Level) -> Procedure[None]:
         """Do what the level asks for, and undo what it does not ask for any more."""
-        notes = target.notes
-        assert notes is not None
+        permit = target.permit
         if level >= Level.DERATE:
             yield from self._weaken(target)
         else:
             yield from self._strengthen(target)
         if level < Level.SAFE:
-            notes.inhibited = ""
+            permit.inhibited = ""
             return
-        why = "it pushed without moving" if self.guard.stalled else f"it reached {self.guard.limit:g} °C"
-        notes.inhibited = f"{target} is not moved: {why}; protect() allows it again when that is over"
-        if notes.driven:
-            yield from make_safe(target, action)
+        why = "it pushed without moving" if self.stalled else f"it reached {self.limit:g} °C"
+        permit.inhibited = f"{target} is not moved: {why}; protect() allows it again when that is over"
+        if permit.driven:
+            yield from make_safe(target, permit.safe_action or "hold")
 
-    def _weaken(self, target: ServoRef) -> Procedure[None]:
-        name, notes = target.model.family.output_limit, target.notes
-        assert notes is not None
-        if not name:
-            notes.speed_factor = 0.5
+    def _weaken(self, target: KnownServo) -> Procedure[None]:
+        row = target.model.optional("output_limit")
+        if row is None:
+            target.permit.speed_factor = 0.5
             return
-        row = target.model.register(name)
         (limit,) = yield from target.model.family.read(target, [row])
         least = 1 if self.output_limit is None else self.output_limit // 2
         if limit > least:  # after a restart it has all again
             yield from target.model.family.write(target, {row: limit // 2})
             self.output_limit = limit
 
-    def _strengthen(self, target: ServoRef) -> Procedure[None]:
-        if target.notes is not None:
-            target.notes.speed_factor = 1.0
-        if self.output_limit is not None:
-            row = target.model.register(target.model.family.output_limit)
+    def _strengthen(self, target: KnownServo) -> Procedure[None]:
+        target.permit.speed_factor = 1.0
+        row = target.model.optional("output_limit")
+        if self.output_limit is not None and row is not None:
             (limit,) = yield from target.model.family.read(target, [row])
             # an RX-28 that has shut down has none, and would jump if it got some
             if limit == self.output_limit // 2:
                 yield from target.model.family.write(target, {row: self.output_limit})
             self.output_limit = None
-
-
-def protection(target: ServoRef, thresholds: Thresholds) -> Procedure[Protection]:
-    """Make the protection of a servo: its limit is the one set in it."""
-    row = target.model.register("max_temperature")
-    (raw,) = yield from target.model.family.read(target, [row])
-    return Protection(Guard(row.decode(raw), thresholds))
-
-
-def protect(target: ServoRef, protection: Protection, now: float, action: SafeAction) -> Procedure[Level]:
-    """Read the servo, judge it, and act."""
-    family = target.model.family
-    names = ("present_temperature", "present_position")
-    rows = [target.model.register(name) for name in names]
-    temperature, position = yield from family.read(target, rows)
-    notes = target.notes
-    # Of one that we do not drive, or have stopped, a goal that it never reached says nothing.
-    pushing = notes is not None and notes.driven and not notes.stopped
-    push = (yield from family.push(target)) if pushing else 0.0
-    level = protection.guard.judge(now, rows[0].decode(temperature), push, rows[1].decode(position))
-    yield from protection.act(target, level, action)
-    return level

@@ -16,8 +16,8 @@ from typing import Protocol, TypeVar
 
 from servobus.core.exchange import Procedure, SetBaud
 from servobus.errors import Stopped, UsageError
-from servobus.families.base import ServoRef
-from servobus.families.record import SafeAction, ServoRecord
+from servobus.families.base import KnownServo, ServoRef
+from servobus.families.record import MotionPermit, SafeAction
 from servobus.jobs.make_safe import make_safe
 from servobus.link.blocking import run_blocking
 from servobus.link.link import Link
@@ -33,10 +33,10 @@ TERMINATED = 128 + 15
 class Joint(Protocol):
     """What is asked here of a servo."""
 
-    target: ServoRef
-    baud: int
-    notes: ServoRecord
+    target: KnownServo
 
+    @property
+    def permit(self) -> MotionPermit: ...
     @property
     def safe_action(self) -> SafeAction: ...
 
@@ -49,8 +49,8 @@ def check_safe_action(action: SafeAction, targets: Iterable[ServoRef]) -> SafeAc
     if action not in ACTIONS:
         raise UsageError(f"{action!r} is no safe action; choose {', '.join(ACTIONS)}")
     for target in targets:
-        if action == "brake" and not target.model.family.brakes:
-            raise UsageError(f"{target} cannot brake, only HerkuleX servos can; let its safe_action be hold or free")
+        if action == "brake" and not target.model.brakes:
+            raise UsageError(f"{target} cannot brake; let its safe_action be hold or free")
     return action
 
 
@@ -88,7 +88,7 @@ class SafeStop:
     def action(self, action: SafeAction) -> None:
         self._action = check_safe_action(action, [servo.target for servo in self._servos()])
         for servo in self._servos():
-            servo.notes.safe_action = action
+            servo.permit.safe_action = action
 
     @property
     def chosen(self) -> SafeAction | None:
@@ -116,7 +116,7 @@ class SafeStop:
 
     def drives(self) -> bool:
         """Tell whether this bus has switched a servo on or set it in motion, and nothing has ended that since."""
-        return any(servo.notes.driven for servo in self._servos())
+        return any(servo.permit.driven for servo in self._servos())
 
     def about_to_move(self, servo: Joint) -> None:
         """Take note of a command of motion before it goes out. Raises Stopped or UsageError if it must not."""
@@ -150,11 +150,11 @@ class SafeStop:
         wanted = list(self._servos() if servos is None else servos)
         failed: dict[str, Exception] = {}
         with self._making_safe, _undisturbed():
-            if not any(servo.notes.driven for servo in wanted):
+            if not any(servo.permit.driven for servo in wanted):
                 return
             with self._take_over(interrupt) as (link, line, turn):
                 for servo in (*wanted, *wanted):  # what was interrupted may have left the line in disorder
-                    if not servo.notes.driven:
+                    if not servo.permit.driven:
                         continue
                     try:
                         run_blocking(link, link.run(_safe(servo, action)), line, turn)
@@ -167,8 +167,8 @@ class SafeStop:
 
     def secure(self, servos: Sequence[J]) -> list[J]:
         """Make those servos safe whose safe action was chosen; give the others."""
-        self.make_safe(servos=[servo for servo in servos if servo.notes.safe_action], interrupt=True)
-        return [servo for servo in servos if not servo.notes.safe_action]
+        self.make_safe(servos=[servo for servo in servos if servo.permit.safe_action], interrupt=True)
+        return [servo for servo in servos if not servo.permit.safe_action]
 
     # The end
 
@@ -201,7 +201,7 @@ def crashed(error: BaseException | None) -> bool:
 
 
 def _safe(servo: Joint, action: SafeAction | None) -> Procedure[None]:
-    yield SetBaud(servo.baud)
+    yield SetBaud(servo.target.baud)
     yield from make_safe(servo.target, action or servo.safe_action)
 
 

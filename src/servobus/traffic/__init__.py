@@ -1,0 +1,1 @@
+"""Overheard bytes as requests, answers and troubles; recordings of them."""

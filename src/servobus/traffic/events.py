@@ -1,4 +1,4 @@
-"""What can be seen on a line, and what is counted of it.
+"""The events on a line, and what is counted of them.
 
 request     a packet to servos
 answer      a packet of a servo, with the question that it answers where there is one
@@ -46,10 +46,10 @@ class Trouble(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TrafficEvent:
-    """One thing that was seen on the line.
+    """One event on the line.
 
     time     s: when its first byte was carried or heard; of a silence, when the wait was over
-    id       whom it is to or from, as far as it says
+    id       of the servo that it is to or from, as far as that is known
     latency  s between the end of the request and the first bytes of this answer, as this computer saw them; None
              where that cannot be told
     """
@@ -80,7 +80,7 @@ class ServoTraffic:
     missing: int = 0
     corrupt: int = 0
     other: int = 0
-    """Answers that were late, did not fit, or that nobody had asked for."""
+    """Answers that were late, did not fit, or belong to no question."""
     latencies: Counter[int] = field(default_factory=Counter)
 
     @property

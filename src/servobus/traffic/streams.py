@@ -1,4 +1,4 @@
-"""Packets out of pieces of a stream, each with its time; and whose packets they are."""
+"""Packets out of pieces of a stream, each with its time; and the family they are of."""
 
 import math
 from collections import deque
@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from servobus.core.framing import Corrupt, Decoder, Event, Noise, Packet
-from servobus.families.base import Family, Model
-from servobus.families.registry import FAMILIES, MODELS
+from servobus.families.base import Family
+from servobus.families.registry import FAMILIES
 from servobus.traffic.recording import Chunk, Direction
 
 
@@ -47,7 +47,7 @@ class Stream:
         return next((mark for mark in self._marks if position < mark.end), self._marks[-1])
 
     def _placed(self, events: Sequence[Event]) -> list[tuple[int, bytes, Event]]:
-        """Say of each event where it starts, and which bytes it is."""
+        """Give each event with its start and its bytes."""
         placed = []
         for event in events:
             match event:
@@ -63,35 +63,30 @@ class Stream:
         return placed
 
 
-# Whose packets
+# Which family
 
 
-def first_model(family: Family) -> type[Model]:
-    """Give the model whose registers are meant where nobody says."""
-    return next(model for model in MODELS.values() if model.family.name == family.name)
-
-
-def best(chunks: Sequence[Chunk]) -> Family | None:
+def best_family(chunks: Sequence[Chunk]) -> Family | None:
     """Choose the family that finds most bytes of good packets; None if there are none."""
     scores = {family: _score(family, chunks) for family in FAMILIES.values()}
     family = max(scores, key=lambda one: scores[one])
     return family if scores[family] else None
 
 
-def clearest(chunks: Sequence[Chunk]) -> Family | None:
-    """Choose as `best` does; None where two are as good."""
+def certain_family(chunks: Sequence[Chunk]) -> Family | None:
+    """Choose as `best_family` does; None where two are as good."""
     first, second, *_ = sorted((_score(family, chunks) for family in FAMILIES.values()), reverse=True)
-    return best(chunks) if first > second else None
+    return best_family(chunks) if first > second else None
 
 
 def _score(family: Family, chunks: Sequence[Chunk]) -> int:
     streams = dict.fromkeys(Direction, b"")
     for chunk in chunks:
         streams[chunk.direction] += chunk.data
-    return sum(good(family, data) for data in streams.values())
+    return sum(good_bytes(family, data) for data in streams.values())
 
 
-def good(family: Family, data: bytes) -> int:
+def good_bytes(family: Family, data: bytes) -> int:
     """Count the bytes that stand in good packets of a family."""
     overhead = family.framing.overhead
     return sum(overhead + len(event.data) for event in family.framing.decode(data) if isinstance(event, Packet))

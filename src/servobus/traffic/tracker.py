@@ -1,4 +1,4 @@
-"""What goes on between a program and its servos: a stream of bytes becomes requests, answers and troubles.
+"""The traffic between a program and its servos: a stream of bytes becomes requests, answers and troubles.
 
 A `Tracker` is fed with what was carried or heard, each piece with its time and direction, and gives what that says.
 No port, no clock, no thread: fed with a recording it gives the same as it gave live.
@@ -17,21 +17,21 @@ from servobus.core.exchange import ReplyPattern
 from servobus.core.framing import Corrupt, Event, Noise, Packet
 from servobus.families.base import Family, Model
 from servobus.families.explain import addressed, servo, show_bytes
-from servobus.families.registry import FAMILIES, MODELS
+from servobus.families.registry import FAMILIES, MODELS, first_model
 from servobus.traffic.events import GRAIN, Kind, ServoTraffic, TrafficEvent, Trouble
 from servobus.traffic.recording import DIGITS, Chunk, Direction, End, Entry, Speed
-from servobus.traffic.streams import Mark, Stream, best, clearest, first_model, good
+from servobus.traffic.streams import Mark, Stream, best_family, certain_family, good_bytes
 
 QUIET = 0.05
 """s; assumption: no adapter keeps back the rest of a packet for so long."""
 PATIENCE = 0.1
 """s; assumption: no servo, adapter and system together need so long for an answer, less its time on the wire."""
 MEMORY = 1.0
-"""s for which a question that nobody waits for any more is known, so that a late answer is told from a stranger's."""
+"""s for which a question is remembered after its time-out: until then an answer to it counts as late, not unasked."""
 BITS = 10
 """Bits of a byte on the wire, start and stop bit included."""
 REPEATED = 1024
-"""Packets whose words are kept: programs ask the same again and again."""
+"""Packets whose explanation is kept: programs ask the same again and again."""
 ECHOES = 16
 """Requests whose echo may still come."""
 HEAD = 4
@@ -73,7 +73,7 @@ class _Open:
 
 
 class Tracker:
-    """Makes sense of the traffic on one line, with servos of one family or, if none is given, of any.
+    """Explains the traffic on one line, with servos of one family or, if none is given, of any.
 
     family   whose packets these are; found out for each piece by default
     model    whose registers these are; else those of the family's first model
@@ -97,11 +97,11 @@ class Tracker:
         self._probed = 0.0
         """s: until then a probe may come back."""
         self._echo: bool | None = None
-        self._doubt: _Open | None = None
+        self._perhaps_echoed: _Open | None = None
         """A question whose answer was the same as itself, and may have been its echo."""
-        self._obeys: set[tuple[str, int]] = set()
+        self._answers_commands: set[tuple[str, int]] = set()
         """Servos that answered the last command."""
-        self._tallies: dict[tuple[str, int], ServoTraffic] = {}
+        self._servos: dict[tuple[str, int], ServoTraffic] = {}
         self.junk = 0
         """Bytes that were no packet."""
         self.corrupt = 0
@@ -113,47 +113,47 @@ class Tracker:
 
     @property
     def family(self) -> Family | None:
-        """Whose packets the last ones were."""
+        """The family of the last packets."""
         return self._family
 
     @property
     def servos(self) -> list[ServoTraffic]:
         """What each servo did, in the order of families and ids."""
-        return [self._tallies[key] for key in sorted(self._tallies)]
+        return [self._servos[key] for key in sorted(self._servos)]
 
     def feed(self, entry: Entry) -> list[TrafficEvent]:
         """Take in what was carried or heard, in the order of time."""
-        seen = self.pass_time(entry.time)
+        events = self.pass_time(entry.time)
         if isinstance(entry, End):
-            return seen
+            return events
         if isinstance(entry, Speed):
             self._baud = entry.baud
             text = f"the line is at {entry.baud} baud from here on"
-            return [*seen, TrafficEvent(entry.time, Direction.UNKNOWN, Kind.SPEED, text)]
-        return seen + self._take(entry)
+            return [*events, TrafficEvent(entry.time, Direction.UNKNOWN, Kind.SPEED, text)]
+        return events + self._take(entry)
 
     def pass_time(self, now: float) -> list[TrafficEvent]:
-        """Say that nothing more came before `now`: what is incomplete stays so, who has not answered will not."""
+        """Tell that nothing more came before `now`: what is incomplete stays so, answers that are due are missing."""
         now = round(now, DIGITS)
-        seen: list[TrafficEvent] = []
+        events: list[TrafficEvent] = []
         while (due := self._next_due()) is not None and due[0] <= now:
             moment, what = due
             if isinstance(what, _Open):
-                seen += self._give_up(what, moment)
+                events += self._time_out(what, moment)
             elif isinstance(what, Stream):
-                seen += self._sort(what, what.flush())
+                events += self._sort(what, what.flush())
             else:
-                seen += self._decide_anyhow()
+                events += self._decide_by_best()
         self.time = max(self.time, now)
-        return seen
+        return events
 
     def finish(self) -> list[TrafficEvent]:
-        """Say that this was all. Who was asked last and may still have answered counts neither way."""
-        seen = self._decide_anyhow() if self._held else []
+        """Tell that this was all. A last question that may still have been answered counts neither way."""
+        events = self._decide_by_best() if self._held else []
         for stream in self._streams.values():
-            seen += self._sort(stream, stream.flush())
+            events += self._sort(stream, stream.flush())
         self._open.clear()
-        return seen
+        return events
 
     def _next_due(self) -> "tuple[float, _Open | Stream | None] | None":
         """Tell what happens next if nothing comes, and when."""
@@ -163,7 +163,7 @@ class Tracker:
             due.append((self._held[-1].time + QUIET, None))
         return min(due, key=lambda one: one[0], default=None)
 
-    # Whose bytes these are
+    # Which family the bytes are of
 
     def _take(self, chunk: Chunk) -> list[TrafficEvent]:
         if not self._found_out:
@@ -171,16 +171,16 @@ class Tracker:
             return self._feed(self._family, chunk)
         if self._family is None:
             self._held.append(chunk)
-            family = clearest(self._held)
+            family = certain_family(self._held)
             return self._decide(family) if family is not None else []
-        if not good(self._family, chunk.data):
+        if not good_bytes(self._family, chunk.data):
             # Only what is wholly made of another family's packets is its: a false packet may hide in anything.
             size = len(chunk.data.removeprefix(self._family.framing.probe))
-            others = (one for one in FAMILIES.values() if size and good(one, chunk.data) == size)
+            others = (one for one in FAMILIES.values() if size and good_bytes(one, chunk.data) == size)
             if (other := next(others, None)) is not None:
-                seen = [one for stream in self._streams.values() for one in self._sort(stream, stream.flush())]
+                events = [one for stream in self._streams.values() for one in self._sort(stream, stream.flush())]
                 self._family = other
-                return seen + self._feed(other, chunk)
+                return events + self._feed(other, chunk)
         return self._feed(self._family, chunk)
 
     def _decide(self, family: Family) -> list[TrafficEvent]:
@@ -188,8 +188,8 @@ class Tracker:
         held, self._held = self._held, []
         return [one for chunk in held for one in self._feed(family, chunk)]
 
-    def _decide_anyhow(self) -> list[TrafficEvent]:
-        family = best(self._held)
+    def _decide_by_best(self) -> list[TrafficEvent]:
+        family = best_family(self._held)
         if family is not None:
             return self._decide(family)
         held, self._held = self._held, []
@@ -197,20 +197,20 @@ class Tracker:
         return [_junk(chunk.time, chunk.direction, chunk.data, None) for chunk in held]
 
     def _feed(self, family: Family, chunk: Chunk) -> list[TrafficEvent]:
-        seen: list[TrafficEvent] = []
+        events: list[TrafficEvent] = []
         wire = chunk.time
         if chunk.direction is Direction.OUT:
             wire = max(chunk.time, self._busy)
             self._busy = wire + self._wire_time(len(chunk.data))
             answers = self._streams.get((family.name, Direction.IN))
             if answers is not None and not family.full_duplex:
-                seen += self._sort(answers, answers.flush())  # the rest of it will not come any more
+                events += self._sort(answers, answers.flush())  # the rest of it will not come any more
         key = family.name, chunk.direction
         stream = self._streams.get(key) or self._streams.setdefault(key, Stream(family, chunk.direction))
-        seen += self._sort(stream, stream.feed(chunk, wire))
+        events += self._sort(stream, stream.feed(chunk, wire))
         if chunk.direction is Direction.IN and stream.decoder.pending > self._longest(family):
-            seen += self._sort(stream, stream.flush())  # a header that promises more than was asked for is none
-        return seen
+            events += self._sort(stream, stream.flush())  # a header that promises more than was asked for is none
+        return events
 
     def _longest(self, family: Family) -> float:
         """Give the size of the longest answer that may come, in bytes; infinite while nothing was asked."""
@@ -221,7 +221,7 @@ class Tracker:
     def _wire_time(self, count: int) -> float:
         return count * BITS / self._baud if self._baud else 0.0
 
-    # What they say
+    # What the bytes mean
 
     def _sort(self, stream: Stream, placed: Sequence[tuple[int, bytes, Event]]) -> Iterator[TrafficEvent]:
         for n, (start, raw, event) in enumerate(placed):
@@ -247,7 +247,7 @@ class Tracker:
     def _probe(
         self, stream: Stream, raw: bytes, first: Mark, behind: Sequence[tuple[int, bytes, Event]]
     ) -> TrafficEvent | None:
-        """See the byte that a driver sends before a request to find out about an echo, or that byte's echo."""
+        """Recognise the byte that a driver sends before a request to find out about an echo, or that byte's echo."""
         if raw != stream.family.framing.probe:
             return None
         family, direction, time = stream.family, stream.direction, first.time
@@ -271,13 +271,13 @@ class Tracker:
     def _cut(self, asked: _Open, stream: Stream, raw: bytes, first: Mark) -> TrafficEvent:
         asked.spoiled = True
         id = asked.id
-        self._tally(stream.family, id).corrupt += 1
+        self._counts(stream.family, id).corrupt += 1
         self.cut_short += 1
         text = f"CUT SHORT: the answer of {servo(id)} begins so, and a byte or more of it is lost"
         return TrafficEvent(first.time, stream.direction, Kind.CORRUPT, text, stream.family, id, raw, None, Trouble.CUT)
 
     def _is_request(self, stream: Stream, packet: Packet) -> bool:
-        """Tell a request from an answer; where nobody says who sent it, by what was asked before."""
+        """Tell a request from an answer; where the sender is not known, by what was asked before."""
         if stream.direction is not Direction.UNKNOWN:
             return stream.direction is Direction.OUT
         asked = self._answered_by(stream.family, packet)
@@ -293,26 +293,26 @@ class Tracker:
     ) -> Iterator[TrafficEvent]:
         family = stream.family
         for one in list(self._open):
-            # Nobody asks on while he still waits, unless the line has two lanes and it is somebody else's turn.
+            # A program that asks on has stopped waiting, unless the line is full duplex and the request is to another.
             if not (family is one.family and family.full_duplex and one.packet.id != packet.id):
                 answers = self._streams.get((one.family.name, Direction.IN))
                 if answers is not None and one.begins(answers.decoder.begun):
                     yield from self._sort(answers, answers.flush())  # the rest of it will not come any more
-                yield from self._give_up(one, first.time)
+                yield from self._time_out(one, first.time)
         replies = family.replies_to(packet)
         if replies is None:
             data = f", data {show_bytes(packet.data)}" if packet.data else ""
             text = f"unknown request {packet.code:#04x} {addressed(packet.id)}{data}"
             replies = (ReplyPattern(packet.id, None, (0,), certain=False),)  # it may be refused
         else:
-            text = self._say(family, packet, None)
-        self._doubt = None
-        self._tally(family, packet.id).requests += 1
+            text = self._explain(family, packet, None)
+        self._perhaps_echoed = None
+        self._counts(family, packet.id).requests += 1
         self._sent.append((packet, end + PATIENCE))
         size = 0
         for reply in replies:
             id = packet.id if reply.id is None else reply.id
-            expected = reply.certain or (family.name, id) in self._obeys
+            expected = reply.certain or (family.name, id) in self._answers_commands
             size += family.framing.overhead + max(reply.sizes)
             deadline = end + PATIENCE + self._wire_time(size)
             self._open.append(_Open(family, packet, reply, text, end, last.time, expected, deadline))
@@ -324,33 +324,33 @@ class Tracker:
         if stream.direction is Direction.IN and self._is_echo(packet, asked, time):
             text = "echo of the request"
             return TrafficEvent(time, stream.direction, Kind.ECHO, text, family, packet.id, raw)
-        tally = self._tally(family, packet.id)
+        counts = self._counts(family, packet.id)
         if asked is not None:
             self._open.remove(asked)
             if self._echo is None:
                 if packet == asked.packet:
-                    self._doubt = asked
+                    self._perhaps_echoed = asked
                 else:
                     self._echo = False
-            self._tally(family, asked.id).answered += 1
-            tally.answers += 1
+            self._counts(family, asked.id).answered += 1
+            counts.answers += 1
             if not asked.reply.certain:
-                self._obeys.add((family.name, packet.id))
+                self._answers_commands.add((family.name, packet.id))
             return self._answer_to(asked, stream, packet, raw, first)
-        if self._doubt is not None and self._doubt.fits(family, packet):
-            doubt, self._doubt, self._echo = self._doubt, None, True
-            return self._answer_to(doubt, stream, packet, raw, first)
+        if self._perhaps_echoed is not None and self._perhaps_echoed.fits(family, packet):
+            asked, self._perhaps_echoed, self._echo = self._perhaps_echoed, None, True
+            return self._answer_to(asked, stream, packet, raw, first)
         trouble, text = self._misplaced(family, packet, time)
-        tally.other += 1
+        counts.other += 1
         return TrafficEvent(time, stream.direction, Kind.ANSWER, text, family, packet.id, raw, None, trouble)
 
     def _answer_to(self, asked: _Open, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
         family = stream.family
         latency = None
-        if first.time > asked.mark:  # of two that came in one piece nobody knows
+        if first.time > asked.mark:  # of two that came in one piece the time between them is not known
             latency = max(first.time - asked.end, 0.0)
-            self._tally(family, packet.id).latencies[round(latency / GRAIN)] += 1
-        text = self._say(family, packet, asked.packet)
+            self._counts(family, packet.id).latencies[round(latency / GRAIN)] += 1
+        text = self._explain(family, packet, asked.packet)
         return TrafficEvent(first.time, stream.direction, Kind.ANSWER, text, family, packet.id, raw, latency)
 
     def _is_echo(self, packet: Packet, asked: _Open | None, time: float) -> bool:
@@ -367,9 +367,9 @@ class Tracker:
         late = next((one for one in self._overdue if one.fits(family, packet) and time < one.end + MEMORY), None)
         if late is not None:
             self._overdue.remove(late)
-            said = self._say(family, packet, late.packet)
+            said = self._explain(family, packet, late.packet)
             return Trouble.LATE, f"LATE, {1000 * (time - late.end):.0f} ms behind its question: {said}"
-        said = self._say(family, packet, None)
+        said = self._explain(family, packet, None)
         if family.replies_to(packet) is not None:  # read as a request, it would say what it cannot mean here
             data = f", data {show_bytes(packet.data)}" if packet.data else ""
             said = f"answer of {servo(packet.id)}, {packet.code:#04x}{data}"
@@ -380,7 +380,7 @@ class Tracker:
         if asked.id != packet.id:
             return Trouble.STRANGER, f"STRANGER, id {asked.id} was asked: {said}"
         self._open.remove(asked)
-        self._tally(family, packet.id).failed += 1
+        self._counts(family, packet.id).failed += 1
         return Trouble.MISFIT, f"DOES NOT FIT the question: {said}"
 
     def _corrupt(self, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
@@ -392,37 +392,37 @@ class Tracker:
             asked.spoiled = True
         # Its id may be what is wrong: it counts for a servo that was asked, or is known.
         id = asked.id if asked else packet.id
-        if asked is not None or (family.name, id) in self._tallies:
-            self._tally(family, id).corrupt += 1
+        if asked is not None or (family.name, id) in self._servos:
+            self._counts(family, id).corrupt += 1
         self.corrupt += 1
-        said = self._say(family, packet, asked.packet if asked else None)
+        said = self._explain(family, packet, asked.packet if asked else None)
         text = f"CHECKSUM WRONG: would be {said}"
         return TrafficEvent(first.time, stream.direction, Kind.CORRUPT, text, family, id, raw, None, Trouble.CHECKSUM)
 
-    def _give_up(self, asked: _Open, time: float) -> Iterator[TrafficEvent]:
+    def _time_out(self, asked: _Open, time: float) -> Iterator[TrafficEvent]:
         """End the wait for an answer."""
         self._open.remove(asked)
         self._overdue.append(asked)
-        tally = self._tally(asked.family, asked.id)
+        counts = self._counts(asked.family, asked.id)
         if asked.spoiled:
-            tally.failed += 1
+            counts.failed += 1
         elif asked.expected:
-            tally.failed += 1
-            tally.missing += 1
+            counts.failed += 1
+            counts.missing += 1
             # Perhaps it was told to answer commands no longer: it is not expected to until it does again.
-            self._obeys.discard((asked.family.name, asked.id))
+            self._answers_commands.discard((asked.family.name, asked.id))
             text = f"NO ANSWER to {asked.text}"
             id = asked.id
             yield TrafficEvent(time, Direction.IN, Kind.SILENCE, text, asked.family, id, b"", None, Trouble.SILENT)
 
-    def _say(self, family: Family, packet: Packet, request: Packet | None) -> str:
+    def _explain(self, family: Family, packet: Packet, request: Packet | None) -> str:
         return _explained(family, packet, request, (self._model or first_model(family)).key())
 
-    def _tally(self, family: Family, id: int) -> ServoTraffic:
+    def _counts(self, family: Family, id: int) -> ServoTraffic:
         key = family.name, id
-        if key not in self._tallies:
-            self._tallies[key] = ServoTraffic(family, id)
-        return self._tallies[key]
+        if key not in self._servos:
+            self._servos[key] = ServoTraffic(family, id)
+        return self._servos[key]
 
 
 @lru_cache(maxsize=REPEATED)

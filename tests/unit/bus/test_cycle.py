@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 import servobus
+from samples import every_model
 from servobus import DRS0602, LX16A, MODELS, BadValue, Bus, NoReply, TorqueOff, UnknownName, UsageError, deg
 from servobus.bus.cycle import diagnose
 
-MODEL = {"rx28": 57_600, "drs0602": 115_200, "lx16a": 115_200}
 POSITION = ("present_position",)
 
 
@@ -21,7 +21,7 @@ def bus_of(key: str, count: int) -> Any:
     return bus
 
 
-@pytest.mark.parametrize("key", MODEL)
+@every_model
 def test_goals_arrive_and_positions_come_back(key: str) -> None:
     bus = bus_of(key, 3)
     cycle = bus.cycle(read=POSITION, time=0.0)
@@ -35,7 +35,7 @@ def test_goals_arrive_and_positions_come_back(key: str) -> None:
     bus.transport.sleep(1.0)
     seen = cycle.run()
     assert seen.lost == {}
-    assert {id: value["present_position"] for id, value in seen.items()} == pytest.approx(goals, abs=2 * deg)
+    assert {servo.id: value["present_position"] for servo, value in seen.items()} == pytest.approx(goals, abs=2 * deg)
 
 
 def test_plan_counts_the_bits() -> None:
@@ -61,12 +61,12 @@ def test_one_lost_answer_loses_one_servo_once() -> None:
     cycle.run()
     bus.transport.inject("mute#3")
     seen = cycle.run()
-    assert sorted(seen) == [1, 2, 4, 5]
+    assert sorted(seen.by_id()) == [1, 2, 4, 5]
     assert isinstance(seen.lost[3], NoReply)
-    assert sorted(cycle.run()) == [1, 2, 3, 4, 5]
+    assert sorted(cycle.run().by_id()) == [1, 2, 3, 4, 5]
 
 
-@pytest.mark.parametrize("key", MODEL)
+@every_model
 def test_a_cut_chain_is_told_and_costs_little_until_it_is_mended(key: str) -> None:
     """F15"""
     bus = bus_of(key, 6)
@@ -77,7 +77,7 @@ def test_a_cut_chain_is_told_and_costs_little_until_it_is_mended(key: str) -> No
     bus.transport.sleep(0.01)
     for _ in range(2):
         seen = cycle.run()
-        assert sorted(seen) == [1, 2, 3]
+        assert sorted(seen.by_id()) == [1, 2, 3]
         assert seen.diagnosis == "all after id 3 do not answer: cable or power between 3 and 4?"
     before = bus.transport.now()
     cycle.run()
@@ -85,7 +85,7 @@ def test_a_cut_chain_is_told_and_costs_little_until_it_is_mended(key: str) -> No
     bus.transport.sleep(4)
     for _ in range(2):
         seen = cycle.run()
-    assert sorted(seen) == [1, 2, 3, 4, 5, 6]
+    assert sorted(seen.by_id()) == [1, 2, 3, 4, 5, 6]
     before = bus.transport.now()
     cycle.run()
     assert lost <= bus.transport.now() - before
@@ -122,7 +122,7 @@ def test_goals_that_would_not_be_followed() -> None:
     bus[1].torque_off()
     with pytest.raises(TorqueOff):
         cycle.run({1: 150 * deg})
-    with pytest.raises(UnknownName, match="id 9 is not in this cycle"):
+    with pytest.raises(UnknownName, match="no servo with id 9 is in this cycle"):
         cycle.run({9: 0.0})
     with pytest.raises(UsageError, match="only reads"):
         bus.cycle(write=()).run({1: 1.0})
@@ -147,9 +147,9 @@ def test_several_families_and_a_new_id() -> None:
     bus.attach(DRS0602, 1)
     bus.attach(LX16A, 2)
     cycle = bus.cycle(read=POSITION)
-    assert sorted(cycle.run()) == [1, 2]
+    assert sorted(cycle.run().by_id()) == [1, 2]
     bus[1].change_id(5)
-    assert sorted(cycle.run()) == [2, 5]
+    assert sorted(cycle.run().by_id()) == [2, 5]
 
 
 def test_async() -> None:
@@ -158,7 +158,7 @@ def test_async() -> None:
             await bus.scan(ids=range(3))
             cycle = bus.cycle()
             async for tick in cycle.every(0.02):
-                assert sorted(await cycle.run()) == [1, 2]
+                assert sorted((await cycle.run()).by_id()) == [1, 2]
                 if tick.number == 3:
                     break
 

@@ -10,8 +10,10 @@ from typing import Any
 import pytest
 
 import servobus
+from samples import every_model
 from servobus import LX16A, MODELS, RX28, PortError, PortLost, Restarted, TorqueOff, UsageError, deg
 from servobus.bus.base import ReconnectReport
+from servobus.bus.blocking import BusServo
 from servobus.families.base import Answers
 from servobus.virtual.serve.inprocess import VirtualPort
 from servobus.virtual.serve.rig import build_rig
@@ -72,7 +74,7 @@ def test_after_reopening_everybody_is_there_and_answers(driver: str, kind: str) 
     port.know(1, 2, 3, 4)
     before = port.do(lambda bus: bus.read_all("present_position"))
     port.lose(kind)
-    assert port.do(lambda bus: bus.reopen()) == ReconnectReport(present=(1, 2, 3, 4), missing=(), restarted=())
+    assert repr(port.do(lambda bus: bus.reopen())) == "ReconnectReport(present=(1, 2, 3, 4), missing=(), restarted=())"
     assert port.do(lambda bus: bus.read_all("present_position")) == before
 
 
@@ -89,7 +91,9 @@ def test_who_is_missing_and_who_restarted_is_told(driver: str) -> None:
         servo.power_off()
         servo.power_on(port.line.now())
     port.line.sleep(0.1)
-    assert port.do(lambda bus: bus.reopen()) == ReconnectReport(present=(1, 3, 4), missing=(2,), restarted=(1, 3))
+    assert (
+        repr(port.do(lambda bus: bus.reopen())) == "ReconnectReport(present=(1, 3, 4), missing=(2,), restarted=(1, 3))"
+    )
     assert [port.bus[id].restarted for id in (1, 2, 3, 4)] == [True, False, True, False]
     for number in (1, 3):
         with pytest.raises(TorqueOff):
@@ -106,7 +110,7 @@ def test_one_that_answers_a_ping_and_then_no_more_is_missing(driver: str) -> Non
     port.do(lambda bus: bus[1].torque_on())
     port.lose()
     port.line.inject("mute#2-")
-    assert port.do(lambda bus: bus.reopen()) == ReconnectReport(present=(), missing=(1,), restarted=())
+    assert repr(port.do(lambda bus: bus.reopen())) == "ReconnectReport(present=(), missing=(1,), restarted=())"
 
 
 @DRIVERS
@@ -147,7 +151,7 @@ def test_a_port_that_is_not_back_says_so_and_can_be_asked_again(driver: str) -> 
     with pytest.raises(PortError):
         port.do(lambda bus: bus.reopen())
     port.line.sleep(2.0)
-    assert port.do(lambda bus: bus.reopen()).present == (1,)
+    assert port.do(lambda bus: bus.reopen()).present == (port.bus[1],)
 
 
 @DRIVERS
@@ -157,7 +161,7 @@ def test_a_port_that_was_closed_can_be_reopened(driver: str) -> None:
     port.bus.close()
     with pytest.raises(PortError):
         port.do(lambda bus: bus[1].ping())
-    assert port.do(lambda bus: bus.reopen()).present == (1,)
+    assert port.do(lambda bus: bus.reopen()).present == (port.bus[1],)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there are no pseudo terminals")
@@ -188,17 +192,17 @@ class TestSerial:
                 with pytest.raises(PortLost):
                     for _ in range(20):
                         servos[1].ping()
-                reunion: list[ReconnectReport] = []
+                reports: list[ReconnectReport[BusServo]] = []
 
                 def back() -> bool:
                     try:
-                        reunion.append(bus.reopen())
+                        reports.append(bus.reopen())
                     except PortError:
                         return False
                     return True
 
                 wait_for(back)
-                assert reunion[0] == ReconnectReport((1, 2), (), ())
+                assert reports[0] == {1: "present", 2: "present"}
                 servos[0].start_move(100 * deg, time=1.0)
 
         self.run(tmp_path, job)
@@ -213,12 +217,12 @@ class TestSerial:
                         await servos[1].ping()
                 for _ in range(1000):
                     try:
-                        reunion = await bus.reopen()
+                        report = await bus.reopen()
                     except PortError:
                         await asyncio.sleep(0.01)
                     else:
                         break
-                assert reunion == ReconnectReport((1, 2), (), ())
+                assert report == {1: "present", 2: "present"}
                 await servos[0].start_move(100 * deg, time=1.0)
                 await asyncio.gather(*(servo.look() for servo in servos * 5))
 
@@ -256,7 +260,7 @@ class TestSerial:
 
 
 @DRIVERS
-@pytest.mark.parametrize("key", MODELS)
+@every_model
 def test_a_scan_keeps_what_is_known_of_a_servo(key: str, driver: str) -> None:
     port = Port(f"{key}@1", driver)
     family = MODELS[key].family.name
@@ -264,12 +268,13 @@ def test_a_scan_keeps_what_is_known_of_a_servo(key: str, driver: str) -> None:
     servo.max_step = 30 * deg
     servo.safe_action = "free"
     servo.latched = 4
-    servo.notes.eeprom_writes = 7
-    servo.notes.restarted = True
-    notes = servo.notes
+    servo.record.eeprom_writes = 7
+    servo.record.restarted = True
+    record, permit = servo.record, servo.permit
     (again,) = port.do(lambda bus: bus.scan(family=family, ids=[1]))
     assert again is servo is port.bus[1]
-    assert again.notes is notes is again.target.notes
+    assert again.record is record is again.target.record
+    assert again.permit is permit is again.target.permit
     assert (again.max_step, again.safe_action, again.eeprom_writes, again.restarted) == (30 * deg, "free", 7, True)
     assert again.latched == 4
     assert again.state is not None
@@ -295,7 +300,7 @@ def test_another_model_in_its_place_keeps_only_what_was_chosen() -> None:
     other = bus.attach(RX28B, 1)
     assert other is not servo
     assert bus[1] is other
-    assert (other.max_step, other.safe_action, other.notes.ram, other.notes.driven) == (0.5, "free", {}, False)
+    assert (other.max_step, other.safe_action, other.record.ram, other.permit.driven) == (0.5, "free", {}, False)
 
 
 def test_a_restarted_servo_is_still_held_back_after_a_scan() -> None:

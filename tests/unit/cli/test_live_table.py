@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 import servobus
-from servobus.cli.live_table import Show, light, picture
+from servobus.cli.live_table import LiveTable, led_text, servo_table
 from servobus.families.registry import RX28
 from servobus.virtual.device.snapshot import VirtualSnapshot
 from servobus.virtual.serve.ports import TcpPort
@@ -30,13 +30,13 @@ FREE = VirtualSnapshot(
 
 def drawn(*servos: VirtualSnapshot, colour: bool = False, **options: object) -> str:
     console = Console(file=io.StringIO(), width=80, force_terminal=colour, color_system="standard" if colour else None)
-    console.print(picture(servos, **options))  # type: ignore[arg-type]
+    console.print(servo_table(servos, **options))  # type: ignore[arg-type]
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 
 
-def test_the_picture() -> None:
-    lines = drawn(STALLED, FREE, name="/tmp/arm", said="help lists them").splitlines()
+def test_the_table() -> None:
+    lines = drawn(STALLED, FREE, name="/tmp/arm", note="help lists them").splitlines()
     assert lines[0] == "/tmp/arm   supply 13.05 V, 7.40 V"
     assert lines[1].split() == ["servo", "id", "angle", "speed", "duty", "current", "°C", "light", "errors"]
     assert " ".join(lines[2].split()) == "DRS-0602 219 -159.8° -367°/s -100 % -3.48 A 104 ● red+blue over load, temp…"
@@ -56,16 +56,16 @@ def test_no_more_rows_than_there_is_room() -> None:
     [("red", "red"), ("green+blue", "cyan"), ("blue+red", "magenta"), ("red+green", "yellow"), ("on", "bright_white")],
 )
 def test_lights_have_their_colour(led: str, colour: str) -> None:
-    assert (str(light(led)), light(led).style) == (f"● {led}", colour)
-    assert str(light("off")) == "○ off"
+    assert (str(led_text(led)), led_text(led).style) == (f"● {led}", colour)
+    assert str(led_text("off")) == "○ off"
 
 
 def test_looking_does_not_make_the_bus_wait(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = build_rig(Setup(parse_specs("lx16a@1-200")))
     stop = threading.Event()
-    show = Show(rig, stop)
+    show = LiveTable(rig, stop)
     seen: list[VirtualSnapshot] = []
-    looker = threading.Thread(target=lambda: seen.extend(show.look()))
+    looker = threading.Thread(target=lambda: seen.extend(show.snapshots()))
     looker.start()
     longest, now, deadline = 0.0, 0.0, time.monotonic() + 10
     while looker.is_alive():
@@ -78,19 +78,19 @@ def test_looking_does_not_make_the_bus_wait(monkeypatch: pytest.MonkeyPatch) -> 
     assert [one.id for one in seen] == list(range(1, 201))
     assert longest < 0.05
     stop.set()
-    assert show.look() == []  # nobody serves any more
+    assert show.snapshots() == []  # nobody serves any more
 
 
 def test_the_table_lives_while_a_client_is_served() -> None:
     rig = build_rig(Setup(parse_specs("rx28@1-3")))
     stop = threading.Event()
     screen = Console(file=io.StringIO(), width=80, height=24, force_terminal=True)
-    show = Show(rig, stop, screen)
+    show = LiveTable(rig, stop, screen)
     with TcpPort(rig) as port:
         server = threading.Thread(target=port.serve, args=[stop])
         server.start()
         show.start(port.name)
-        show.say("hello")
+        show.show_note("hello")
         with servobus.open(port.name) as bus:
             arm = bus.find(2, family="dynamixel")
             arm.write(RX28.led, True)

@@ -24,7 +24,7 @@ def test_info_as_json(load: Callable[..., Any], family: str) -> None:
 @pytest.mark.parametrize("family", ALL)
 def test_info_for_people(run: Run, family: str) -> None:
     text = run("info", *ALL[family]).stdout
-    assert text.startswith(MODELS[{"dynamixel": "rx28", "herkulex": "drs0602", "lewansoul": "lx16a"}[family]].title)
+    assert text.startswith({"dynamixel": "RX-28", "herkulex": "DRS-0602", "lewansoul": "LX-16A"}[family])
     assert "supply voltage" in text
     assert "firmware" in text
 

@@ -5,17 +5,21 @@ import pytest
 from serial.tools import list_ports
 
 from servobus import MODELS
-from servobus.core.registers import Address
+from servobus.families.dynamixel.places import Address
 from unit.cli.conftest import Run
 
 
 def test_models_are_listed(run: Run) -> None:
     lines = run("models").stdout.splitlines()
-    assert [line.split()[0] for line in lines[1:]] == ["rx28", "drs0602", "lx16a"]
+    assert [line.split()[0] for line in lines[1:]] == list(MODELS)
 
 
 def test_models_as_json(load: Callable[..., Any]) -> None:
-    (rx, drs, lx) = load("models")
+    models = {one["name"]: one for one in load("models")}
+    assert {key: one["family"] for key, one in models.items()} == {
+        key: model.family.name for key, model in MODELS.items()
+    }
+    rx, drs, lx = (models[key] for key in ("rx28", "drs0602", "lx16a"))
     assert [one["family"] for one in (rx, drs, lx)] == ["dynamixel", "herkulex", "lewansoul"]
     assert rx["angle"] == {"value": 300.0, "unit": "°"}
     assert drs["performance"] == [
@@ -53,8 +57,8 @@ def test_registers_as_json(load: Callable[..., Any], model: str) -> None:
 
 def test_where_registers_live(load: Callable[..., Any]) -> None:
     (goal,) = load("registers", "rx28", "goal_position")
-    assert goal["address"] == MODELS["rx28"].register("goal_position").place.address == 30  # type: ignore[union-attr]
-    assert isinstance(MODELS["rx28"].register("goal_position").place, Address)
+    assert MODELS["rx28"].register("goal_position").place == Address(30)
+    assert goal["address"] == 30
     assert (goal["limits"], goal["unit"], goal["access"], goal["raw"]["limits"]) == ([0.0, 300.0], "°", "rw", [0, 1023])
     (id, torque) = load("registers", "drs0602", "id", "torque_control")
     assert (id["address"], torque["address"]) == ({"eep": 6, "ram": 0}, {"ram": 52})

@@ -66,7 +66,7 @@ def test_a_silent_port(run: Run) -> None:
 def test_what_answers_without_sense_is_reported(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def garbled(families: list[Family], *rest: object) -> Procedure[ScanResult]:
         yield Pause(0)
-        survey = rest[-1]
+        survey = rest[3]
         assert isinstance(survey, ScanResult)
         survey.troubles.append(ScanProblem(families[0], 3, 57600, Garbled("PING id 3: 2 bytes that are no packet")))
         return survey

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from servobus import deg
-from servobus.cli.virtual_console import HELP, VirtualConsole, describe, listen
+from servobus.cli.virtual_console import HELP, VirtualConsole, describe, read_commands
 from servobus.virtual.physics.motor import Load
 from servobus.virtual.serve.rig import Rig, build_rig
 from servobus.virtual.serve.spec import Setup, parse_specs
@@ -25,7 +25,7 @@ class Desk:
         self.console = VirtualConsole(self.rig, self.said.append)
 
     def type(self, line: str) -> str:
-        self.console.take(line)
+        self.console.execute(line)
         assert self.rig.receive(1.0) == b""
         return self.said[-1]
 
@@ -103,7 +103,7 @@ def test_what_makes_no_sense_is_said_and_changes_nothing(line: str, because: str
 
 def test_empty_lines_are_nothing() -> None:
     desk = Desk()
-    desk.console.take("   ")
+    desk.console.execute("   ")
     desk.rig.receive(1.0)
     assert desk.said == []
 
@@ -118,7 +118,7 @@ def test_a_held_shaft_cannot_be_turned() -> None:
 def test_things_happen_at_the_time_of_the_bus() -> None:
     desk = Desk("lx16a@1")
     (servo,) = desk.rig.servos
-    desk.console.take("voltage 5")
+    desk.console.execute("voltage 5")
     assert servo.time == 0.0
     assert desk.rig.next_look(0.0) == float("-inf")  # whoever serves comes at once
     desk.rig.receive(2.5)
@@ -133,7 +133,7 @@ def test_lines_come_from_standard_input(monkeypatch: pytest.MonkeyPatch) -> None
     reading, writing = os.pipe()
     with os.fdopen(reading) as stdin, os.fdopen(writing, "wb", buffering=0) as pipe:
         monkeypatch.setattr(sys, "stdin", stdin)
-        thread = listen(desk.console, stop)
+        thread = read_commands(desk.console, stop)
         assert thread is not None
         pipe.write(b"voltage 6\nvolt")
         until(lambda: desk.rig.next_look(0.0) is not None)
@@ -146,7 +146,7 @@ def test_lines_come_from_standard_input(monkeypatch: pytest.MonkeyPatch) -> None
         desk.rig.receive(2.0)
         assert desk.rig.servos[0].voltage == 7.0
     monkeypatch.setattr(sys, "stdin", None)
-    assert listen(desk.console, stop) is None
+    assert read_commands(desk.console, stop) is None
 
 
 @posix
@@ -155,7 +155,7 @@ def test_the_reader_ends_with_the_servos(monkeypatch: pytest.MonkeyPatch) -> Non
     reading, writing = os.pipe()
     with os.fdopen(reading) as stdin, os.fdopen(writing, "wb"):
         monkeypatch.setattr(sys, "stdin", stdin)
-        thread = listen(Desk("lx16a@1").console, stop)
+        thread = read_commands(Desk("lx16a@1").console, stop)
         assert thread is not None
         stop.set()
         thread.join(5)

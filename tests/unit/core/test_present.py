@@ -4,12 +4,13 @@ import sys
 import pytest
 
 from servobus.core.present import json_value, register_entry, unit_text, value_entry, value_text, writable_text
-from servobus.core.registers import U8, U16, Access, Address, Area, Register, RegisterMap
+from servobus.core.registers import U8, U16, Access, Area, Register
 from servobus.core.units import Quantity, Switch, deg
+from servobus.families.dynamixel.places import Address
+from servobus.families.model import Model
 
 
-class Table(RegisterMap):
-    title = "T-1"
+class Table(Model):
     angle = Register(Address(30), U16, Quantity("rad", 0.5 * deg), "Where to go.", limits=(0, 600), default=300)
     light = Register(Address(25), U8, Switch(), "The LED.", default=0)
     heat = Register(Address(43), U8, Quantity("degC", 1.0), "How warm it is.", access=Access.READ)
@@ -26,12 +27,12 @@ def test_a_value_is_told_in_the_unit_people_use() -> None:
 
 
 def test_a_row_as_an_entry() -> None:
-    entry = register_entry(Table, Table.angle)
+    entry = register_entry(Table.angle)
     assert entry["aliases"] == ["goal"]
     assert (entry["address"], entry["size"], entry["area"], entry["access"]) == (30, 2, "ram", "rw")
     assert (entry["limits"], entry["default"], entry["unit"]) == ([0.0, 300.0], 150.0, "°")
     assert entry["raw"] == {"limits": [0, 600], "allowed": None, "default": 300}
-    assert register_entry(Table, Table.heat)["limits"] is None
+    assert register_entry(Table.heat)["limits"] is None
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from samples import factory_bauds
 from servobus import DRS0602, FAMILIES, RX28, Bus, connect, deg
 from servobus.doctor import Finding, Level, Plan, examine
 from servobus.doctor.losses import count
@@ -17,7 +18,7 @@ from servobus.virtual.serve import inprocess
 from servobus.virtual.serve.inprocess import VirtualPort
 from unit.scripted import Scripted
 
-FACTORY = [(family, (family.default_baud,)) for family in FAMILIES.values()]
+FACTORY = [(family, factory_bauds(family)) for family in FAMILIES.values()]
 
 
 def told(findings: Iterator[Finding] | list[Finding]) -> dict[str, Finding]:
@@ -314,7 +315,7 @@ class TestLosses:
         assert " of 200 lost" in finding.what
         assert "silent" in finding.what
         assert "loose plug" in finding.cause
-        assert seen[0] == ("scanning", 1, 6)  # three families, two ids
+        assert seen[0] == ("scanning", 1, 2 * sum(len(bauds) for _, bauds in FACTORY))  # two ids
         assert seen[-1] == ("reading", 200, 200)
 
 
@@ -337,9 +338,9 @@ def test_only_asks(monkeypatch: pytest.MonkeyPatch, spec: str, where: int, harml
         write(self, data)
 
     monkeypatch.setattr(VirtualPort, "write", record)
-    family = connect.open(f"virtual:{spec}?clock=virtual").find(1).family
+    servo = connect.open(f"virtual:{spec}?clock=virtual").find(1)
     sent.clear()
-    visit(f"{spec}?clock=virtual&voltage=9&temperature=70", plan=Plan([(family, (family.default_baud,))], ids=range(3)))
+    visit(f"{spec}?clock=virtual&voltage=9&temperature=70", plan=Plan([(servo.family, (servo.baud,))], ids=range(3)))
     assert len(sent) > 1000
     assert {request[where] for request in sent} <= harmless
 

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 
 from servobus.families.herkulex.control import (
     CHANGE,
-    FULL,
     LONGEST_SUM,
     UNIT,
     PositionControl,
@@ -17,16 +16,17 @@ from servobus.families.herkulex.control import (
 )
 
 TICK = UNIT / 4
+FULL = 1023
 
 
 def test_p_is_an_eighth() -> None:
-    law = PositionControl(TICK)
+    law = PositionControl(TICK, FULL)
     law.tune(70, 0, 0)
     assert [law.output(error) for error in (0, 1, -8)] == [0, 8.75, -70]
 
 
 def test_i_adds_the_error_once_in_a_unit() -> None:
-    law = PositionControl(TICK)
+    law = PositionControl(TICK, FULL)
     law.tune(0, 0, 16384)
     assert [law.output(4) for _ in range(8)] == pytest.approx([1, 2, 3, 4, 5, 6, 7, 8])
     assert not law.steady(4)
@@ -37,7 +37,7 @@ def test_i_adds_the_error_once_in_a_unit() -> None:
 
 
 def test_d_sees_the_change_but_not_the_beginning() -> None:
-    law = PositionControl(TICK)
+    law = PositionControl(TICK, FULL)
     law.tune(0, 8, 0)
     assert law.output(100) == 0
     assert law.output(107) == pytest.approx(7 * CHANGE / TICK)
@@ -47,7 +47,7 @@ def test_d_sees_the_change_but_not_the_beginning() -> None:
 
 
 def test_feed_forward_of_speed_and_acceleration() -> None:
-    law = PositionControl(TICK)
+    law = PositionControl(TICK, FULL)
     law.tune(0, 0, 0, 128, 64)
     assert law.output(0, 10) == pytest.approx(20 + 40)  # 10 in a loop are 40 in 11.2 ms
     assert law.output(0, 10) == pytest.approx(20)
@@ -106,7 +106,7 @@ def test_both_directions_are_alike(stage: Stages, wanted: float) -> None:
 
 
 def test_fractions_are_cut() -> None:
-    stage = Stages()
+    stage = Stages(0, 0, 0, FULL)
     assert [stage.position(wanted, 9) for wanted in (8.75, -8.75, 0.9, 2000, -2000)] == [8, -8, 0, 1023, -1023]
 
 

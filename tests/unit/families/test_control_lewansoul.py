@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import pytest
 
 from servobus.families.lewansoul.control import GAINS, STEPS, UNIT, Gains, hold, set_point, stands
-from servobus.virtual.device.motor_data import LX16A
+from servobus.families.lewansoul.motors import LX16A
 from servobus.virtual.physics.motor import Load
 from servobus.virtual.physics.shaft import Rail, Shaft
 

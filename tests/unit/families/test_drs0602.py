@@ -2,11 +2,12 @@
 
 import pytest
 
-from servobus.core.registers import Access, Area, Eep, EepRam, Int, Ram
+from servobus.core.registers import Access, Area, Int
 from servobus.core.units import deg
 from servobus.errors import BadValue
 from servobus.families.base import Answers
 from servobus.families.herkulex.models.drs0602 import DRS0602
+from servobus.families.herkulex.places import Eep, EepRam, Ram
 from servobus.families.herkulex.protocol import Led, StatusError, TorqueControl
 
 # name, EEP and RAM address, signed or unsigned and bytes, default, lowest and highest value, access; errata applied
@@ -199,6 +200,8 @@ def test_shared_names() -> None:
         "present_load": "pwm",
         "present_voltage": "voltage",
         "present_temperature": "temperature",
+        "output_limit": "max_pwm",
+        "calibration": "calibration_difference",
     }
     assert {"min_position", "max_position", "id"} <= set(DRS0602.registers)
 

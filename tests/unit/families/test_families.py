@@ -5,16 +5,19 @@ from typing import Any
 
 import pytest
 
-from servobus import DRS0602, LX16A, RX28, BadValue, deg, dynamixel1, herkulex
+from samples import ends, factory_answers, goal_range, sample_of, zero
+from servobus import DRS0602, LX16A, MODELS, RX28, BadValue, deg, dynamixel1, herkulex
 from servobus.core.exchange import Exchange
-from servobus.families.base import Answers, AxisMove, Model, ServoRef
+from servobus.families.base import Answers, AxisMove, KnownServo, Model, ServoRef
 from unit.lossy import ASYNC, SYNC, Bench
 
 
 def packets(model: type[Model], count: int, durations: list[float]) -> Iterator[bytes]:
     """Give the packets that start moves of so many servos, ids from 0 on, goals 100 + id."""
     axes = [
-        AxisMove(ServoRef(id, model, Answers.READS), 100 + id, 1.0, durations[id % len(durations)])
+        AxisMove(
+            KnownServo.of(ServoRef(id, model, Answers.READS), 57_600), 100 + id, 1.0, durations[id % len(durations)]
+        )
         for id in range(count)
     ]
     for step in model.family.start_moves(axes):
@@ -72,39 +75,48 @@ def test_what_does_not_fit_one_packet_is_refused_where_it_is_made_by_hand() -> N
 
 # Ends of the range
 
-PLACES = {
-    "rx28": (RX28, [0, 1, 512, 1022, 1023], 300 / 1023, 0),  # 3-4-2
-    "drs0602": (DRS0602, [0, 1, 10627, 16384, 22129, 32766, 32767], 360 / 12962, 16384),  # 2-2, EH-09
-    "lx16a": (LX16A, [-125, -12, -1, 0, 500, 1000, 1001, 1125], 0.24, 0),  # point 20
-}
-"""Model, raw positions, degrees of a unit, raw value of 0°."""
+
+def angle(model: type[Model], raw: int) -> float:
+    """Give the angle in rad of a raw position, by the resolution in the data sheet of the model."""
+    return (raw - zero(model)) * model.sheet.resolution
 
 
 def bench_at(key: str, raw: int, driver: str = SYNC) -> Any:
     """Make a bench whose free shaft stands at a raw position."""
-    _, _, unit, zero = PLACES[key]
-    bench = Bench(key, driver, Answers.READS if key != "rx28" else Answers.EVERYTHING)
-    bench.real.turn_shaft((raw - zero) * unit * deg)
+    bench = Bench(key, driver, factory_answers(MODELS[key]))
+    bench.real.turn_shaft(angle(MODELS[key], raw))
     return bench
 
 
+@pytest.mark.parametrize(
+    ("model", "unit", "middle"),
+    # Degrees of a unit and raw value of 0°: RX-28 manual 3-4-2, DRS-0602 manual 2-2 and EH-09, LX-16A point 20.
+    [(RX28, 300 / 1023, 0), (DRS0602, 360 / 12962, 16384), (LX16A, 0.24, 0)],
+)
+def test_angles_are_those_of_the_manuals(model: type[Model], unit: float, middle: int) -> None:
+    row = model.register("present_position")
+    for raw in ends(model):
+        assert row.decode(raw) == pytest.approx((raw - middle) * unit * deg)
+
+
 @pytest.mark.parametrize("driver", [SYNC, ASYNC])
-@pytest.mark.parametrize(("key", "raw"), [(key, raw) for key, place in PLACES.items() for raw in place[1]])
+@pytest.mark.parametrize(("key", "raw"), [(key, raw) for key, model in MODELS.items() for raw in ends(model)])
 def test_positions_at_the_ends_are_read_right_and_held(key: str, raw: int, driver: str) -> None:
-    model, _, unit, zero = PLACES[key]
+    model = MODELS[key]
     bench = bench_at(key, raw, driver)
     row = model.register("present_position")
     assert bench.do(lambda servo: servo.read_raw([row])) == [raw]
-    assert bench.do(lambda servo: servo.read(row)) == pytest.approx((raw - zero) * unit * deg)
+    assert bench.do(lambda servo: servo.read(row)) == pytest.approx(angle(model, raw))
     here = bench.real.position
-    inside = {"rx28": (0, 1023), "drs0602": (10627, 22129), "lx16a": (-125, 1125)}[key]
-    if not inside[0] <= raw <= inside[1]:
+    (low, high), beyond = goal_range(model), sample_of(key).beyond
+    if not low - beyond <= raw <= high + beyond:
         return  # outside its limits a DRS-0602 holds as well, but is not asked to here
     bench.do(lambda servo: servo.torque_on())
     for _ in range(50):
         bench.line.sleep(0.02)
         assert bench.real.position == pytest.approx(here, abs=0.6 * deg)
-    assert bench.do(lambda servo: servo.read_raw([row]))[0] == pytest.approx(raw, abs=2 if key != "drs0602" else 8)
+    near = max(2, 0.23 * deg // model.sheet.resolution)
+    assert bench.do(lambda servo: servo.read_raw([row]))[0] == pytest.approx(raw, abs=near)
 
 
 def test_a_position_below_0_of_an_lx16a_comes_as_the_manual_prints_it() -> None:

@@ -13,6 +13,7 @@ from servobus.core.framing import Decoder
 from servobus.core.units import deg
 from servobus.errors import Refused, UsageError
 from servobus.families.herkulex.firmware import BOOT, HerkulexServo
+from servobus.families.herkulex.places import RAM
 from servobus.families.herkulex.protocol import (
     BOOT_TIME,
     FRAMING,
@@ -255,7 +256,7 @@ def test_how_time_is_cut_makes_no_difference(cuts: int) -> None:
             event()
         made.advance(4.0)
         say(made, RamRead(1, 0, 74), 4.0)
-        return made.memory.ram, made.position, made.shaft.velocity
+        return made.memory.space(RAM), made.position, made.shaft.velocity
 
     assert life(cuts) == life(1)
 

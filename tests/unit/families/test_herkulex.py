@@ -11,7 +11,7 @@ from servobus.core.registers import Register
 from servobus.core.replies import ReplyCollector
 from servobus.core.units import deg
 from servobus.errors import BadValue, NoReply, Refused, UsageError
-from servobus.families.base import Answers, AxisMove, Identity, ServoRef
+from servobus.families.base import Answers, AxisMove, Identity, KnownServo, ServoRef
 from servobus.families.herkulex import protocol as herkulex
 from servobus.families.herkulex.models.drs0602 import DRS0602
 from servobus.families.herkulex.protocol import (
@@ -43,9 +43,9 @@ from servobus.families.herkulex.protocol import (
     parse_request,
 )
 
-SERVO = ServoRef(219, DRS0602, Answers.READS)
-TALKER = ServoRef(219, DRS0602, Answers.EVERYTHING)
-MUTE = ServoRef(219, DRS0602, Answers.NOTHING)
+SERVO = KnownServo.of(ServoRef(219, DRS0602, Answers.READS), 115200)
+TALKER = KnownServo.of(ServoRef(219, DRS0602, Answers.EVERYTHING), 115200)
+MUTE = KnownServo.of(ServoRef(219, DRS0602, Answers.NOTHING), 115200)
 FAMILY = DRS0602.family
 OK = b"\x00\x00"
 
@@ -386,12 +386,12 @@ def test_a_mute_servo_cannot_be_read() -> None:
 
 def test_write_joins_neighbours() -> None:
     values = dict(zip(rows("max_position", "baud", "min_position"), [20000, 1, 12000], strict=True))
-    _, steps = play(FAMILY.write(TALKER, values), OK, OK)
+    _, steps = play(FAMILY.put(TALKER, values, keep=False), OK, OK)
     assert steps == [EepWrite(219, 4, b"\x01"), RamWrite(219, 20, b"\xe0\x2e\x20\x4e")]
 
 
 def test_store_writes_both_maps() -> None:
-    _, steps = play(FAMILY.store(SERVO, dict(zip(rows("position_kp", "baud"), [80, 1], strict=True))))
+    _, steps = play(FAMILY.put(SERVO, dict(zip(rows("position_kp", "baud"), [80, 1], strict=True)), keep=True))
     assert steps == [EepWrite(219, 4, b"\x01"), EepWrite(219, 30, b"\x50\x00"), RamWrite(219, 24, b"\x50\x00")]
 
 
@@ -409,7 +409,7 @@ def test_the_policy_is_written_last_and_its_answer_not_waited_for() -> None:
 
 
 def axis(id: int, goal: int, duration: float = 1.0) -> AxisMove:
-    return AxisMove(ServoRef(id, DRS0602, Answers.READS), goal, 1.0, duration)
+    return AxisMove(KnownServo.of(ServoRef(id, DRS0602, Answers.READS), 115200), goal, 1.0, duration)
 
 
 def launched(axes: Sequence[AxisMove]) -> list[Any]:
@@ -437,7 +437,7 @@ def test_playtime_is_rounded_up(duration: float, playtime: int) -> None:
 
 
 def test_a_move_can_take_too_long() -> None:
-    assert FAMILY.max_move_time == pytest.approx(2.8448)
+    assert DRS0602.max_move_time == pytest.approx(2.8448)
     with pytest.raises(BadValue, match=r"2.845 s is longer than 2.8448 s"):
         launched([axis(7, 16384, 2.845)])
 
@@ -555,14 +555,16 @@ def test_reboot() -> None:
 
 
 def test_reset() -> None:
-    found, steps = play(FAMILY.reset(ServoRef(3, DRS0602, Answers.EVERYTHING), frozenset()), OK, OK)
+    found, steps = play(
+        FAMILY.reset(KnownServo.of(ServoRef(3, DRS0602, Answers.EVERYTHING), 115200), frozenset()), OK, OK
+    )
     assert found == (219, 115_200)
     assert steps == [Rollback(3), Pause(EEP_TIME), Reboot(3), Pause(BOOT_TIME)]
 
 
 def test_reset_keeps() -> None:
     keep = frozenset({"id", "baud", "calibration"})
-    target = ServoRef(3, DRS0602, Answers.READS)
+    target = KnownServo.of(ServoRef(3, DRS0602, Answers.READS), 115200)
     found, steps = play(FAMILY.reset(target, keep), b"\x06\x01\x03" + OK, b"\x04\x01\x01" + OK)
     assert found == (3, 1_000_000)
     assert steps[2] == Rollback(3, Keep.ID | Keep.BAUD | Keep.CALIBRATION)
@@ -605,6 +607,6 @@ def test_explain(packet: Packet, words: str) -> None:
 
 
 def test_speeds() -> None:
-    assert FAMILY.bauds[0] == FAMILY.default_baud == 115_200
-    assert len(FAMILY.bauds) == 8
+    assert DRS0602.bauds[0] == DRS0602.factory_baud == 115_200
+    assert len(DRS0602.bauds) == 8
     assert FAMILY.full_duplex

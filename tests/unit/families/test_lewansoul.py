@@ -7,11 +7,12 @@ import pytest
 
 from servobus.core.exchange import Exchange, Job, Pause
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Corrupt, Noise, Packet
-from servobus.core.registers import Pair, Register
+from servobus.core.registers import Register
 from servobus.core.replies import ReplyCollector
 from servobus.errors import BadValue, NoReply, UsageError
-from servobus.families.base import Answers, AxisMove, ServoRef
+from servobus.families.base import Answers, AxisMove, KnownServo, ServoRef
 from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import (
     FRAMING,
     Answer,
@@ -32,7 +33,7 @@ from servobus.families.lewansoul.protocol import (
 from servobus.families.lewansoul.verbs import Lewansoul
 
 FAMILY = Lewansoul()
-TARGET = ServoRef(3, LX16A, Answers.READS)
+TARGET = KnownServo.of(ServoRef(3, LX16A, Answers.READS), 115200)
 
 
 READS = {
@@ -231,14 +232,14 @@ def test_registers_of_one_command_are_read_with_one_question() -> None:
 
 def test_parameters_that_are_not_given_are_sent_back_as_they_were() -> None:
     servo = Pretender(SERVO_ANGLE_LIMIT_READ=(100, 900))
-    servo.run_blocking(FAMILY.write(TARGET, {LX16A.max_position: 800}))
+    servo.run_blocking(FAMILY.put(TARGET, {LX16A.max_position: 800}, keep=False))
     assert servo.steps == ["SERVO_ANGLE_LIMIT_READ id 3", "SERVO_ANGLE_LIMIT_WRITE id 3, min 100, max 800"]
 
 
 def test_nothing_is_read_first_where_all_parameters_are_given() -> None:
     servo = Pretender()
-    servo.run_blocking(FAMILY.write(TARGET, {LX16A.motor_speed: -500, LX16A.mode: 1}))
-    servo.run_blocking(FAMILY.write(TARGET, {LX16A.goal_time: 20, LX16A.goal_position: 10}))
+    servo.run_blocking(FAMILY.put(TARGET, {LX16A.motor_speed: -500, LX16A.mode: 1}, keep=False))
+    servo.run_blocking(FAMILY.put(TARGET, {LX16A.goal_time: 20, LX16A.goal_position: 10}, keep=False))
     assert servo.steps == [
         "SERVO_OR_MOTOR_MODE_WRITE id 3, mode 1, null 0, speed -500",
         "SERVO_MOVE_TIME_WRITE id 3, angle 10, time_ms 20",
@@ -247,7 +248,7 @@ def test_nothing_is_read_first_where_all_parameters_are_given() -> None:
 
 def test_a_goal_alone_keeps_the_time_of_the_last_move() -> None:
     servo = Pretender(SERVO_MOVE_TIME_READ=(500, 700))
-    servo.run_blocking(FAMILY.write(TARGET, {LX16A.goal_position: 10}))
+    servo.run_blocking(FAMILY.put(TARGET, {LX16A.goal_position: 10}, keep=False))
     assert servo.steps[1:] == ["SERVO_MOVE_TIME_WRITE id 3, angle 10, time_ms 700"]
 
 
@@ -255,13 +256,13 @@ def test_a_goal_alone_keeps_the_time_of_the_last_move() -> None:
 def test_a_time_alone_would_repeat_a_move_and_is_refused(register: Any) -> None:
     servo = Pretender()
     with pytest.raises(BadValue, match="cannot be written alone"):
-        servo.run_blocking(FAMILY.write(TARGET, {LX16A.led: 1, register: 100}))
+        servo.run_blocking(FAMILY.put(TARGET, {LX16A.led: 1, register: 100}, keep=False))
     assert servo.steps == []
 
 
 def test_a_reading_cannot_be_written() -> None:
     with pytest.raises(BadValue, match="can only be read"):
-        Pretender().run_blocking(FAMILY.write(TARGET, {LX16A.present_voltage: 7400}))
+        Pretender().run_blocking(FAMILY.put(TARGET, {LX16A.present_voltage: 7400}, keep=False))
 
 
 @pytest.mark.parametrize(
@@ -270,13 +271,13 @@ def test_a_reading_cannot_be_written() -> None:
 def test_limits_that_cross_are_refused_for_the_servo_would_ignore_them(low: Any, high: Any) -> None:
     servo = Pretender()
     with pytest.raises(BadValue, match="is not below"):
-        servo.run_blocking(FAMILY.write(TARGET, {low: 5000, high: 5000}))
+        servo.run_blocking(FAMILY.put(TARGET, {low: 5000, high: 5000}, keep=False))
     assert servo.steps == []
 
 
 def test_the_id_is_written_last() -> None:
     servo = Pretender()
-    servo.run_blocking(FAMILY.store(TARGET, {LX16A.id: 4, LX16A.angle_offset: -50, LX16A.led: 1}))
+    servo.run_blocking(FAMILY.put(TARGET, {LX16A.id: 4, LX16A.angle_offset: -50, LX16A.led: 1}, keep=True))
     assert servo.steps == [
         "SERVO_ANGLE_OFFSET_ADJUST id 3, offset -50",
         "SERVO_ANGLE_OFFSET_WRITE id 3",
@@ -287,7 +288,7 @@ def test_the_id_is_written_last() -> None:
 
 def test_an_offset_that_is_written_is_not_saved() -> None:
     servo = Pretender()
-    servo.run_blocking(FAMILY.write(TARGET, {LX16A.angle_offset: -50}))
+    servo.run_blocking(FAMILY.put(TARGET, {LX16A.angle_offset: -50}, keep=False))
     assert servo.steps == ["SERVO_ANGLE_OFFSET_ADJUST id 3, offset -50"]
 
 
@@ -319,7 +320,7 @@ def test_the_stance_is_read_with_one_question_per_command() -> None:
 
 
 def test_one_leg_starts_at_once_and_several_start_together() -> None:
-    axes = [AxisMove(ServoRef(id, LX16A, Answers.READS), 100 * id, 1.0, 0.5) for id in (1, 2)]
+    axes = [AxisMove(KnownServo.of(ServoRef(id, LX16A, Answers.READS), 115200), 100 * id, 1.0, 0.5) for id in (1, 2)]
     servo = Pretender()
     servo.run_blocking(FAMILY.start_moves(axes[:1]))
     assert servo.steps == ["SERVO_MOVE_TIME_WRITE id 1, angle 100, time_ms 500"]
@@ -333,7 +334,7 @@ def test_one_leg_starts_at_once_and_several_start_together() -> None:
 
 
 def test_a_move_longer_than_30_s_is_refused_before_anything_is_sent() -> None:
-    assert FAMILY.max_move_time == 30.0
+    assert LX16A.max_move_time == 30.0
     servo = Pretender()
     with pytest.raises(BadValue, match="30 s"):
         servo.run_blocking(FAMILY.start_moves([AxisMove(TARGET, 0, 1.0, 1.0), AxisMove(TARGET, 0, 1.0, 30.001)]))
@@ -385,29 +386,34 @@ def test_turning_at_a_speed_or_beyond_full_output_is_refused() -> None:
 
 
 def test_position_mode_sets_limits_only_where_given_and_changes_the_mode_only_where_needed() -> None:
-    servo = Pretender(SERVO_OR_MOTOR_MODE_READ=(1, 0, 800))
+    servo = Pretender(SERVO_OR_MOTOR_MODE_READ=(1, 0, 800), SERVO_ANGLE_LIMIT_READ=(0, 1000))
     servo.run_blocking(FAMILY.position_mode(TARGET, None))
     assert servo.answers[Command.SERVO_OR_MOTOR_MODE_READ] == (0, 0, 0)
     servo.steps.clear()
     servo.run_blocking(FAMILY.position_mode(TARGET, (100, 900)))
-    assert servo.steps == ["SERVO_ANGLE_LIMIT_WRITE id 3, min 100, max 900", "SERVO_OR_MOTOR_MODE_READ id 3"]
+    assert servo.steps == [
+        "SERVO_ANGLE_LIMIT_READ id 3",
+        "SERVO_ANGLE_LIMIT_WRITE id 3, min 100, max 900",
+        "SERVO_OR_MOTOR_MODE_READ id 3",
+    ]
     with pytest.raises(BadValue):
         servo.run_blocking(FAMILY.position_mode(TARGET, (0, 1001)))
 
 
 def test_the_light_is_on_at_0() -> None:
-    servo = Pretender()
+    servo = Pretender(SERVO_LED_CTRL_READ=(1,))
     servo.run_blocking(FAMILY.led(TARGET, "on"))
     servo.run_blocking(FAMILY.led(TARGET, "off"))
-    assert servo.steps == ["SERVO_LED_CTRL_WRITE id 3, led 0", "SERVO_LED_CTRL_WRITE id 3, led 1"]
+    read = "SERVO_LED_CTRL_READ id 3"
+    assert servo.steps == [read, "SERVO_LED_CTRL_WRITE id 3, led 0", read, "SERVO_LED_CTRL_WRITE id 3, led 1"]
     with pytest.raises(BadValue, match="'red'"):
         servo.run_blocking(FAMILY.led(TARGET, "red"))
 
 
 def test_the_id_is_changed_with_one_command() -> None:
-    servo = Pretender()
+    servo = Pretender(SERVO_ID_READ=(3,))
     servo.run_blocking(FAMILY.set_id(TARGET, 4))
-    assert servo.steps == ["SERVO_ID_WRITE id 3, new_id 4"]
+    assert servo.steps == ["SERVO_ID_READ id 3", "SERVO_ID_WRITE id 3, new_id 4"]
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,11 @@ from typing import Any
 
 import pytest
 
-from servobus.core.registers import Access, Area, Pair, Register
+from servobus.core.registers import Access, Area, Register
 from servobus.core.units import deg
 from servobus.errors import BadValue, UnknownName
 from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import Alarm, Command, Mode
 
 

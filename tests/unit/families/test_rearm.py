@@ -4,24 +4,18 @@ from typing import Any
 
 import pytest
 
-from servobus import DRS0602, LX16A, MODELS, RX28, BusError, Refused, dynamixel1, herkulex
+from samples import every_model, factory_answers, has, minds_overload, models_that, sample_of, turning
+from servobus import LX16A, MODELS, RX28, BusError, Refused, herkulex
 from servobus.core.units import deg
-from servobus.families.base import Answers
 from servobus.families.lewansoul.protocol import Alarm
 from servobus.virtual.physics.motor import Load
 from unit.lossy import ASYNC, SYNC, Bench
 
-HOT = {
-    "rx28": dynamixel1.Error.OVERHEATING,
-    "drs0602": herkulex.StatusError.TEMPERATURE,
-    "lx16a": Alarm.OVER_TEMPERATURE,
-}
 DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
-EVERY = pytest.mark.parametrize("key", MODELS)
 
 
 def bench_for(key: str, driver: str = SYNC) -> Bench:
-    return Bench(key, driver, Answers.READS if key != "rx28" else Answers.EVERYTHING)
+    return Bench(key, driver, factory_answers(MODELS[key]))
 
 
 def let_go(bench: Bench) -> float:
@@ -47,7 +41,7 @@ def assert_held(bench: Bench, here: float) -> None:
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_an_overheated_servo_is_rearmed_when_it_is_cool(key: str, driver: str) -> None:
     bench = bench_for(key, driver)
     bench.do(lambda servo: servo.torque_on())
@@ -57,24 +51,24 @@ def test_an_overheated_servo_is_rearmed_when_it_is_cool(key: str, driver: str) -
 
     with pytest.raises(Refused, match=r"(?i)cause is still there: over.?heating|temperature") as caught:
         bench.do(lambda servo: servo.rearm())
-    assert caught.value.flags & HOT[key]
+    assert caught.value.flags & sample_of(key).hot
     bench.line.sleep(0.5)
     assert not bench.real.torque
     assert bench.real.position == pytest.approx(here, abs=0.5 * deg)
-    assert bench.do(lambda servo: servo.read_alarms()) == HOT[key]
-    assert bench.servo.latched == HOT[key]
+    assert bench.do(lambda servo: servo.read_alarms()) == sample_of(key).hot
+    assert bench.servo.latched == sample_of(key).hot
 
     bench.real.temperature = 25.0
-    if key == "lx16a":
+    if sample_of(key).recovers:
         bench.line.sleep(0.1)
-        assert bench.real.torque  # it comes back by itself (L-54), and holds where it is
+        assert bench.real.torque  # and holds where it is
     bench.do(lambda servo: servo.rearm())
     assert bench.servo.alarms == bench.servo.latched == 0
     assert_held(bench, here)
 
 
 @DRIVERS
-@pytest.mark.parametrize("key", ["rx28", "drs0602"])
+@models_that(minds_overload)
 def test_an_overloaded_servo_is_rearmed_where_it_is(key: str, driver: str) -> None:
     bench = bench_for(key, driver)
     start = bench.real.position
@@ -149,11 +143,11 @@ def test_an_lx16a_outside_its_range_is_rearmed_there(position: int) -> None:
     assert_held(bench, here)
 
 
-@pytest.mark.parametrize("key", ["rx28", "lx16a"])
+@every_model
 def test_a_servo_that_turned_does_not_go_on_turning(key: str) -> None:
     bench = bench_for(key)
     bench.do(lambda servo: servo.torque_on())
-    bench.do(lambda servo: servo.turn(output=0.5))
+    bench.do(lambda servo: servo.turn(**turning(servo.model)))
     bench.line.sleep(0.5)
     bench.do(lambda servo: servo.torque_off())
     bench.line.sleep(0.5)
@@ -163,7 +157,7 @@ def test_a_servo_that_turned_does_not_go_on_turning(key: str) -> None:
     assert bench.real.position == pytest.approx(here, abs=0.5 * deg)
 
 
-def test_a_herkulex_that_turned_does_not_go_on_turning() -> None:
+def test_a_herkulex_that_turned_until_it_was_hot_does_not_go_on_turning() -> None:
     bench = bench_for("drs0602")
     bench.do(lambda servo: servo.torque_on())
     bench.do(lambda servo: servo.turn(speed=90 * deg))
@@ -178,7 +172,7 @@ def test_a_herkulex_that_turned_does_not_go_on_turning() -> None:
     assert bench.real.position == pytest.approx(here, abs=0.5 * deg)
 
 
-@EVERY
+@every_model
 def test_a_servo_with_torque_is_not_let_go(key: str) -> None:
     bench = bench_for(key)
     bench.do(lambda servo: servo.torque_on())
@@ -210,7 +204,7 @@ def test_clearing_a_herkulex_survives_one_lost_write() -> None:
             assert bench.real.torque
 
 
-@EVERY
+@every_model
 def test_alarms_that_are_over_stay_until_the_servo_is_rearmed(key: str) -> None:
     bench = bench_for(key)
     bench.real.temperature = 110.0
@@ -220,12 +214,11 @@ def test_alarms_that_are_over_stay_until_the_servo_is_rearmed(key: str) -> None:
     bench.real.temperature = 25.0
     bench.line.sleep(0.5)
     servo: Any = bench.servo
-    if key == "drs0602":
-        servo.write(DRS0602.status_error, herkulex.StatusError(0))
+    if has(servo.model, "status_error"):  # it keeps its errors until they are written 0
+        servo.write_raw({servo.model.register("status_error"): 0})
     assert servo.read_alarms() == servo.alarms == 0
-    assert servo.latched == HOT[key]
-    names = {"rx28": "overheating", "drs0602": "temperature", "lx16a": "over_temperature"}
-    assert str(servo).endswith(f", had ALARM {names[key]}")
+    assert servo.latched == sample_of(key).hot
+    assert str(servo).endswith(f", had ALARM {sample_of(key).hot_word}")
     servo.clear_latched()
     assert servo.latched == 0
     assert "ALARM" not in str(servo)

@@ -5,24 +5,32 @@ from typing import Any
 
 import pytest
 
+from samples import (
+    can_be_silenced,
+    every_model,
+    factory_answers,
+    keeps_twice,
+    models_that,
+    ram_setting,
+    sample_of,
+    turning,
+)
 from servobus import DRS0602, LX16A, MODELS, RX28, BadValue, EepromWear, NoReply, Restarted, TorqueOff, UsageError, deg
 from servobus.core.registers import Register
 from servobus.families.base import Answers
 from servobus.jobs.backup import Backup
 from unit.lossy import ASYNC, SYNC, Bench
 
-EVERY = pytest.mark.parametrize("key", MODELS)
 DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
-SETTING: dict[str, Register[Any]] = {
-    "rx28": RX28.highest_limit_temperature,
-    "drs0602": DRS0602.max_temperature,
-    "lx16a": LX16A.max_temperature,
-}
-"""A temperature limit in EEPROM; 60 °C is allowed by all, and no factory setting."""
 
 
 def bench_for(key: str, driver: str = SYNC) -> Any:
-    return Bench(key, driver, Answers.READS if key != "rx28" else Answers.EVERYTHING)
+    return Bench(key, driver, factory_answers(MODELS[key]))
+
+
+def setting(key: str) -> Register[Any]:
+    """Give a register in EEPROM: the temperature limit. 60 °C is allowed by all, and no factory setting."""
+    return MODELS[key].register("max_temperature")
 
 
 def stores(bench: Bench) -> list[int]:
@@ -32,27 +40,18 @@ def stores(bench: Bench) -> list[int]:
     return times
 
 
-def is_eeprom_write(key: str, request: bytes) -> bool:
-    """Tell from the bytes whether a request writes to the EEPROM (manuals: 3-4 addresses 0 to 23; 5-1; 4)."""
-    return {
-        "rx28": request[4] == 3 and request[5] < 24,
-        "drs0602": request[4] == 1,
-        "lx16a": request[4] in (13, 18, 20, 22, 24, 33, 35),
-    }[key]
-
-
 def eeprom_writes(bench: Bench, key: str) -> int:
     """Count the requests on the wire that write to the EEPROM."""
-    return sum(is_eeprom_write(key, request) for request in bench.line.requests)
+    return sum(sample_of(key).writes_eeprom(request) for request in bench.line.requests)
 
 
 # EEPROM
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_only_what_differs_goes_to_the_eeprom(key: str, driver: str) -> None:
-    bench, row = bench_for(key, driver), SETTING[key]
+    bench, row = bench_for(key, driver), setting(key)
     bench.do(lambda servo: servo.store({row: row.default}))
     assert eeprom_writes(bench, key) == bench.servo.eeprom_writes == 0
     for _ in range(3):
@@ -62,9 +61,9 @@ def test_only_what_differs_goes_to_the_eeprom(key: str, driver: str) -> None:
     assert eeprom_writes(bench, key) == bench.servo.eeprom_writes == 1
 
 
-@pytest.mark.parametrize("key", ["rx28", "lx16a"])
+@models_that(lambda model: not keeps_twice(model))
 def test_a_plain_write_of_what_lives_in_eeprom_is_as_careful(key: str) -> None:
-    bench, row = bench_for(key), SETTING[key]
+    bench, row = bench_for(key), setting(key)
     servo: Any = bench.servo
     servo.write(row, 60.0)
     servo.write_many({row: 60.0})
@@ -75,7 +74,7 @@ def test_a_plain_write_of_what_lives_in_eeprom_is_as_careful(key: str) -> None:
 def test_of_several_registers_only_those_that_differ_are_written() -> None:
     bench = bench_for("rx28")
     bench.do(lambda servo: servo.store({RX28.lowest_limit_voltage: 6.0, RX28.highest_limit_voltage: 20.0}))
-    (write,) = [request for request in bench.line.requests if is_eeprom_write("rx28", request)]
+    (write,) = [request for request in bench.line.requests if sample_of("rx28").writes_eeprom(request)]
     assert write == bytes.fromhex("FF FF 05 04 03 0D C8 1E")  # 20.0 V to address 13; 05+04+03+0D+C8 = E1
     assert bench.servo.eeprom_writes == 1
 
@@ -116,9 +115,9 @@ def test_the_light_of_an_lx16a_is_eeprom_too() -> None:
     assert eeprom_writes(bench, "lx16a") == bench.servo.eeprom_writes == 1  # it was on (L-71)
 
 
-@pytest.mark.parametrize("key", ["rx28", "drs0602"])
+@models_that(can_be_silenced)
 def test_a_servo_that_answers_nothing_is_written_to_unseen(key: str) -> None:
-    bench, row = Bench(key, SYNC, Answers.NOTHING), SETTING[key]
+    bench, row = Bench(key, SYNC, Answers.NOTHING), setting(key)
     for _ in range(2):
         bench.do(lambda servo: servo.store({row: 60.0}))
     bench.line.sleep(0.01)
@@ -127,11 +126,11 @@ def test_a_servo_that_answers_nothing_is_written_to_unseen(key: str) -> None:
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_a_flood_of_writes_is_stopped_until_a_minute_has_passed(key: str, driver: str) -> None:
-    bench, row = bench_for(key, driver), SETTING[key]
+    bench, row = bench_for(key, driver), setting(key)
     now = 1000.0
-    bench.servo.notes.clock = lambda: now
+    bench.servo.record.clock = lambda: now
     for count in range(10):
         now += 1.0
         bench.do(lambda servo, count=count: servo.store({row: 60.0 + count}))
@@ -141,7 +140,7 @@ def test_a_flood_of_writes_is_stopped_until_a_minute_has_passed(key: str, driver
     ) as caught:
         bench.do(lambda servo: servo.store({row: 50.0}))
     assert isinstance(caught.value, UsageError)
-    assert ("write() sets it in RAM" in str(caught.value)) == (key == "drs0602")
+    assert ("write() sets it in RAM" in str(caught.value)) == keeps_twice(MODELS[key])
     assert eeprom_writes(bench, key) == 0
     bench.do(lambda servo: servo.store({row: 69.0}))  # what is there already wears nothing
     now += 51.0  # the first of the ten was at 1001 s
@@ -159,7 +158,7 @@ def test_other_registers_have_brakes_of_their_own_and_it_can_be_taken_off() -> N
     servo.write_raw({RX28.max_torque: 500})
     with pytest.raises(EepromWear):
         servo.write_raw({RX28.highest_limit_temperature: 30})
-    servo.notes.most = None
+    servo.record.most = None
     servo.write_raw({RX28.highest_limit_temperature: 30})
     assert servo.eeprom_writes == 12
 
@@ -173,9 +172,9 @@ def test_a_write_whose_answer_is_lost_counts() -> None:
     assert bench.servo.eeprom_writes == 1
 
 
-@EVERY
+@every_model
 def test_a_restored_backup_is_counted(key: str) -> None:
-    bench, row = bench_for(key), SETTING[key]
+    bench, row = bench_for(key), setting(key)
     servo: Any = bench.servo
     saved = servo.backup()
     servo.store({row: 60.0})
@@ -230,7 +229,7 @@ def restart(bench: Bench) -> None:
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_a_servo_that_lost_its_torque_with_its_ram_is_found_out(key: str, driver: str) -> None:
     bench = bench_for(key, driver)
     bench.do(lambda servo: servo.torque_on())
@@ -249,14 +248,14 @@ def test_a_servo_that_lost_its_torque_with_its_ram_is_found_out(key: str, driver
     bench.do(lambda servo: servo.start_move(goal, time=0.5))
 
 
-@EVERY
+@every_model
 def test_it_is_not_moved_even_if_its_torque_is_on(key: str) -> None:
     bench = bench_for(key)
     bench.do(lambda servo: servo.torque_on())
     restart(bench)
     with pytest.raises(Restarted):
         bench.do(lambda servo: servo.verify())
-    bench.real.put("torque_enable", 0x60 if key == "drs0602" else 1)  # some are told to come up so (EL-08)
+    bench.real.put("torque_enable", sample_of(key).on)  # some are told to come up so (EL-08)
     bench.line.lose()
     with pytest.raises(TorqueOff):
         bench.do(lambda servo: servo.start_move(bench.real.position + 10 * deg, time=0.5))
@@ -264,19 +263,13 @@ def test_it_is_not_moved_even_if_its_torque_is_on(key: str) -> None:
     assert not bench.servo.restarted
 
 
-RAM_VALUE: dict[str, tuple[Register[Any], Any]] = {
-    "rx28": (RX28.punch, 0.1),
-    "drs0602": (DRS0602.position_kp, 20.0),
-}
-
-
-@pytest.mark.parametrize("key", RAM_VALUE)
+@models_that(lambda model: ram_setting(model) is not None)
 def test_a_value_in_ram_tells_it_too(key: str) -> None:
-    bench = bench_for(key)
-    row, value = RAM_VALUE[key]
+    bench, row = bench_for(key), ram_setting(MODELS[key])
+    assert row is not None
     servo: Any = bench.servo
     servo.verify()  # nothing was set: nothing to tell by
-    servo.write(row, value)
+    servo.write_raw({row: (row.default or 0) + 1})
     servo.verify()
     restart(bench)
     with pytest.raises(Restarted, match=row.name):
@@ -284,7 +277,7 @@ def test_a_value_in_ram_tells_it_too(key: str) -> None:
     servo.verify()  # it is told once
 
 
-@EVERY
+@every_model
 def test_an_alarm_that_took_the_torque_is_no_restart(key: str) -> None:
     bench = bench_for(key)
     bench.do(lambda servo: servo.torque_on())
@@ -295,11 +288,12 @@ def test_an_alarm_that_took_the_torque_is_no_restart(key: str) -> None:
     assert not bench.servo.restarted
 
 
-@EVERY
+@every_model
 def test_moves_and_torque_off_are_no_restart(key: str) -> None:
     bench = bench_for(key)
     bench.do(lambda servo: servo.torque_on())
-    bench.do(lambda servo: servo.led("off" if key == "lx16a" else "on"))
+    for colour in ("off", "on"):
+        bench.do(lambda servo, colour=colour: servo.led(colour))
     bench.do(lambda servo: servo.start_move(bench.real.position + 10 * deg, time=0.3))
     bench.line.sleep(1.0)
     bench.do(lambda servo: servo.verify())
@@ -342,7 +336,7 @@ def test_a_restarted_herkulex_is_listened_to_by_its_old_policy_again() -> None:
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_a_step_beyond_max_step_is_refused_and_nothing_is_sent(key: str, driver: str) -> None:
     bench = bench_for(key, driver)
     here = bench.real.position
@@ -378,7 +372,7 @@ def test_max_step_is_an_angle(step: float) -> None:
         bench.servo.max_step = step
 
 
-@EVERY
+@every_model
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_what_is_no_number_is_refused_before_the_wire(key: str, value: float) -> None:
     bench = bench_for(key)
@@ -391,20 +385,14 @@ def test_what_is_no_number_is_refused_before_the_wire(key: str, value: float) ->
         (servo.write, (row, value), {}),
         (servo.write_many, ({row: value},), {}),
         (servo.store, ({row: value},), {}),
-        (servo.turn, (), {"speed" if key == "drs0602" else "output": value}),
+        (servo.turn, (), turning(servo.model, value)),
         (servo.position_mode, ((value, 1.0),), {}),
         (bench.bus.start_move, ({5: value},), {}),
     ]
     for job, arguments, named in jobs:
         with pytest.raises(BadValue):
             job(*arguments, **named)
-    assert [request for request in bench.line.requests if is_write(key, request)] == []
-
-
-def is_write(key: str, request: bytes) -> bool:
-    """Tell whether a request sets anything: what only asks may go out before."""
-    asks = {"rx28": (1, 2), "drs0602": (2, 4, 7), "lx16a": (14, 19, 21, 23, 25, 26, 27, 28, 30, 32, 34, 36)}
-    return request[4] not in asks[key]
+    assert [request for request in bench.line.requests if sample_of(key).writes(request)] == []
 
 
 def test_waiting_for_no_number_of_seconds_is_refused() -> None:
@@ -412,4 +400,4 @@ def test_waiting_for_no_number_of_seconds_is_refused() -> None:
     bench.do(lambda servo: servo.torque_on())
     course = bench.do(lambda servo: servo.start_move(160 * deg, time=0.1))
     with pytest.raises(BadValue, match="timeout nan"):
-        bench.bus.wait_arrival([course], math.nan)
+        bench.bus.wait_arrival(course, math.nan)

@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 import servobus
+from samples import every_model, turning
 from servobus import (
     DRS0602,
     LX16A,
@@ -15,6 +16,7 @@ from servobus import (
     NoReply,
     Refused,
     TorqueOff,
+    UnknownName,
     UsageError,
     deg,
     dynamixel1,
@@ -84,7 +86,7 @@ class TestScan:
             bus.find(9, family="dynamixel")
 
 
-@pytest.mark.parametrize("key", MODELS)
+@every_model
 class TestEveryModel:
     """What the families share works the same for all."""
 
@@ -145,10 +147,7 @@ class TestEveryModel:
         servo = self.servo(key)
         port = servo._bus.transport
         with servo.torque():
-            if key == "drs0602":
-                servo.turn(speed=90 * deg)
-            else:
-                servo.turn(output=0.5)
+            servo.turn(**turning(servo.model))
             port.sleep(0.5)
             with pytest.raises(UsageError, match="turns without end"):
                 servo.move(90 * deg)
@@ -162,7 +161,7 @@ class TestEveryModel:
     def test_turn_names_what_the_model_can(self, key: str) -> None:
         servo = self.servo(key)
         with pytest.raises(UsageError, match=r"give (speed|output)"):
-            servo.turn(output=0.5) if key == "drs0602" else servo.turn(speed=1.0)
+            servo.turn(output=0.5) if "speed" in turning(servo.model) else servo.turn(speed=1.0)
 
     def test_change_id(self, key: str) -> None:
         servo = self.servo(key)
@@ -264,11 +263,11 @@ def test_group_moves_start_and_arrive_together() -> None:
     with servobus.open(MIXED) as bus:
         bus.scan()
         start = bus.read_all("present_position")
-        goals = {id: position + (10 + id % 5) * deg for id, position in start.items()}
+        goals = {servo: position + (10 + servo.id % 5) * deg for servo, position in start.items()}
         with bus.torque():
             bus.move(goals, time=1.0).wait()
-            for id, position in bus.read_all("present_position").items():
-                assert position == pytest.approx(goals[id], abs=1 * deg)
+            for servo, position in bus.read_all("present_position").items():
+                assert position == pytest.approx(goals[servo], abs=1 * deg)
 
 
 def test_a_servo_that_cannot_arrive_is_named() -> None:
@@ -324,8 +323,28 @@ def test_position_mode_sets_limits_that_are_given() -> None:
             servo.move(10 * deg)
 
 
-def test_a_name_instead_of_a_register_is_told_how() -> None:
+def test_a_name_or_an_alias_stands_for_a_register() -> None:
     with servobus.open("virtual:rx28@1?clock=virtual") as bus:
         servo = bus.find(1, family="dynamixel")
-        with pytest.raises(UsageError, match=r"write RX28\.present_position"):
-            servo.read("present_position")  # type: ignore[arg-type] # what a newcomer tries
+        assert servo.read("present_position") == servo.read(RX28.present_position)
+        assert servo.read_raw(["present_position", RX28.moving]) == servo.read_raw([RX28.present_position, "moving"])
+        servo.write("led", True)
+        servo.write_many({"max_temperature": 70.0, RX28.punch: 0.1})
+        servo.write_raw({"highest_limit_temperature": 71})
+        servo.store({"max_temperature": 72.0})
+        seen = servo.read_many(["led", "max_temperature", RX28.punch])
+        assert seen == {"led": True, "highest_limit_temperature": 72.0, "punch": pytest.approx(0.1, abs=0.001)}
+
+
+def test_a_name_that_is_none_sends_nothing() -> None:
+    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
+        servo = bus.attach(RX28, 1)
+        with pytest.raises(UnknownName, match="RX-28 has no register 'present_positon'; did you mean present_position"):
+            servo.read("present_positon")
+        with pytest.raises(
+            UsageError, match=r"36 is no register: give one such as RX28\.present_position, or its name"
+        ):
+            servo.read(36)  # type: ignore[arg-type] # what a reader of the manual tries
+        with pytest.raises(UsageError, match="highest_limit_temperature is given twice"):
+            servo.write_many({"max_temperature": 70.0, RX28.highest_limit_temperature: 71.0})
+        assert bus.stats.total.sent == 0

@@ -5,18 +5,39 @@ from typing import Any
 
 import pytest
 
+from samples import (
+    answer_levels,
+    can_be_silenced,
+    can_change_baud,
+    can_reset,
+    every_model,
+    factory_answers,
+    factory_baud,
+    keys_that,
+    models_that,
+    other_bauds,
+    sample_of,
+)
 from servobus import DRS0602, MODELS, RX28, BadValue, Bus, BusError, NoReply, UsageError
-from servobus.families.base import Answers
+from servobus.families.base import Answers, Model
 from unit.lossy import ASYNC, SYNC, Bench, Job, Lossy
 
-SPEEDS = {"rx28": (57_600, 1_000_000), "drs0602": (115_200, 500_000)}
-"""Factory speed and another one (RX-28 manual 3-4-1; DRS-0602 manual 4-2 NO 5)."""
-KINDS = [
-    (key, answers)
-    for key in MODELS
-    for answers in ((Answers.READS,) if key == "lx16a" else (Answers.READS, Answers.EVERYTHING))
-]
 DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
+
+
+def kinds_that(can: Callable[[type[Model]], bool]) -> pytest.MarkDecorator:
+    """Run a test with each of the models that can something, at each answer level that answers reads."""
+    kinds = [(key, level) for key in keys_that(can) for level in answer_levels(MODELS[key]) if level]
+    return pytest.mark.parametrize(("key", "answers"), kinds)
+
+
+def factory(key: str) -> int:
+    return factory_baud(MODELS[key])
+
+
+def other(key: str) -> int:
+    """Give a speed that is not that from the factory."""
+    return other_bauds(MODELS[key])[0]
 
 
 def lose_each(make: Callable[[], Bench], job: Job, check: Callable[[Bench], None]) -> None:
@@ -37,10 +58,10 @@ def lose_each(make: Callable[[], Bench], job: Job, check: Callable[[Bench], None
 
 
 @DRIVERS
-@pytest.mark.parametrize(("key", "answers"), KINDS)
+@kinds_that(lambda _: True)
 def test_an_id_changes_whatever_single_packet_is_lost(key: str, answers: Answers, driver: str) -> None:
     def check(bench: Bench) -> None:
-        assert bench.at() == bench.really_at() == (7, bench.real.model.family.default_baud)
+        assert bench.at() == bench.really_at() == (7, factory(key))
         assert bench.stored("id") == 7
         assert bench.servo.target.answers is answers
 
@@ -48,23 +69,23 @@ def test_an_id_changes_whatever_single_packet_is_lost(key: str, answers: Answers
 
 
 @DRIVERS
-@pytest.mark.parametrize(("key", "answers"), KINDS[:-1])
+@kinds_that(can_change_baud)
 def test_a_speed_changes_whatever_single_packet_is_lost(key: str, answers: Answers, driver: str) -> None:
     def check(bench: Bench) -> None:
-        assert bench.at() == bench.really_at() == (5, SPEEDS[key][1])
-        assert bench.line.baud == SPEEDS[key][1]
+        assert bench.at() == bench.really_at() == (5, other(key))
+        assert bench.line.baud == other(key)
 
-    lose_each(lambda: Bench(key, driver, answers), lambda servo: servo.change_baud(SPEEDS[key][1]), check)
+    lose_each(lambda: Bench(key, driver, answers), lambda servo: servo.change_baud(other(key)), check)
 
 
 @DRIVERS
-@pytest.mark.parametrize(("key", "answers"), KINDS[:-1])
+@kinds_that(can_reset)
 def test_a_reset_happens_whatever_single_packet_is_lost(key: str, answers: Answers, driver: str) -> None:
-    factory = MODELS[key].register("id").default
+    first_id = MODELS[key].register("id").default
 
     def check(bench: Bench) -> None:
-        assert bench.at() == bench.really_at() == (factory, SPEEDS[key][0])
-        assert bench.servo.target.answers == MODELS[key].register("answer_level").default
+        assert bench.at() == bench.really_at() == (first_id, factory(key))
+        assert bench.servo.target.answers == factory_answers(MODELS[key])
 
     lose_each(lambda: Bench(key, driver, answers), lambda servo: servo.reset(), check)
 
@@ -83,36 +104,27 @@ def test_a_reset_that_keeps_id_and_speed_is_told_by_the_settings(answers: Answer
     lose_each(make, lambda servo: servo.reset(keep=frozenset({"id", "baud"})), check)
 
 
-@pytest.mark.parametrize("key", SPEEDS)
+@models_that(lambda model: can_be_silenced(model) and can_change_baud(model) and can_reset(model))
 def test_servos_that_answer_nothing_can_be_changed_too(key: str) -> None:
     bench = Bench(key, SYNC, Answers.NOTHING)
     bench.do(lambda servo: servo.change_id(7))
-    assert bench.at() == bench.really_at() == (7, SPEEDS[key][0])
-    bench.do(lambda servo: servo.change_baud(SPEEDS[key][1]))
-    assert bench.at() == bench.really_at() == (7, SPEEDS[key][1])
+    assert bench.at() == bench.really_at() == (7, factory(key))
+    bench.do(lambda servo: servo.change_baud(other(key)))
+    assert bench.at() == bench.really_at() == (7, other(key))
     bench.do(lambda servo: servo.reset())
-    assert bench.at() == bench.really_at() == (MODELS[key].register("id").default, SPEEDS[key][0])
-
-
-def is_id_write(key: str, request: bytes) -> bool:
-    """Tell whether a request gives a servo another id (its RAM id, on a HerkuleX)."""
-    return {
-        "rx28": request[4:6] == b"\x03\x03",  # WRITE_DATA to address 3
-        "drs0602": request[4:5] == b"\x03" and request[7:8] == b"\x00",  # RAM_WRITE to address 0
-        "lx16a": request[4:5] == b"\x0d",  # command 13
-    }[key]
+    assert bench.at() == bench.really_at() == (MODELS[key].register("id").default, factory(key))
 
 
 @DRIVERS
-@pytest.mark.parametrize("key", MODELS)
+@every_model
 def test_a_servo_that_does_not_take_the_id_is_told_twice_and_stays(key: str, driver: str) -> None:
     bench = Bench(key, driver, Answers.READS)
     told = 0
 
     def lose_id_writes(request: bytes) -> bool:
         nonlocal told
-        told += is_id_write(key, request)
-        return not is_id_write(key, request)
+        told += sample_of(key).writes_id(request)
+        return not sample_of(key).writes_id(request)
 
     bench.line.on_request = lose_id_writes
     with pytest.raises(BusError, match=r"still at id 5 at \d+ baud: it was told twice") as caught:
@@ -128,12 +140,12 @@ def test_a_servo_that_does_not_take_the_id_is_told_twice_and_stays(key: str, dri
 
 
 @DRIVERS
-@pytest.mark.parametrize("key", MODELS)
+@every_model
 def test_a_servo_that_is_found_nowhere_is_said_to_be(key: str, driver: str) -> None:
     bench = Bench(key, driver, Answers.READS)
 
     def cut_the_power(request: bytes) -> bool:
-        if is_id_write(key, request):
+        if sample_of(key).writes_id(request):
             bench.real.power_off()
         return True
 
@@ -143,15 +155,14 @@ def test_a_servo_that_is_found_nowhere_is_said_to_be(key: str, driver: str) -> N
     assert bench.servo.id == 5
 
 
-@pytest.mark.parametrize("key", SPEEDS)
+@models_that(can_change_baud)
 def test_a_servo_whose_speed_does_not_change_is_spoken_to_at_the_old_one(key: str) -> None:
     bench = Bench(key, SYNC, Answers.READS)
-    code = b"\x03\x04" if key == "rx28" else b"\x09"  # WRITE_DATA to address 4; REBOOT
-    bench.line.on_request = lambda request: not request[4:6].startswith(code)
-    with pytest.raises(BusError, match=f"still at id 5 at {SPEEDS[key][0]} baud"):
-        bench.do(lambda servo: servo.change_baud(SPEEDS[key][1]))
-    assert bench.at() == bench.really_at() == (5, SPEEDS[key][0])
-    assert bench.line.baud == SPEEDS[key][0]
+    bench.line.on_request = lambda request: not sample_of(key).changes_speed(request)
+    with pytest.raises(BusError, match=f"still at id 5 at {factory(key)} baud"):
+        bench.do(lambda servo: servo.change_baud(other(key)))
+    assert bench.at() == bench.really_at() == (5, factory(key))
+    assert bench.line.baud == factory(key)
     assert bench.stored("baud") == MODELS[key].register("baud").default  # also after its next start
     bench.do(lambda servo: servo.ping())
 
@@ -172,7 +183,7 @@ def test_a_second_servo_with_the_new_id_keeps_both_apart() -> None:
     assert [servo.id for servo in line.servos] == [5, 7]
 
 
-@pytest.mark.parametrize("key", MODELS)
+@every_model
 @pytest.mark.parametrize("id", [254, 255, -1])
 def test_broadcast_ids_are_refused_before_anything_is_sent(key: str, id: int) -> None:
     bench = Bench(key, SYNC, Answers.READS)
@@ -181,13 +192,13 @@ def test_broadcast_ids_are_refused_before_anything_is_sent(key: str, id: int) ->
     assert bench.line.requests == []
 
 
-@pytest.mark.parametrize("key", MODELS)
+@every_model
 def test_id_and_speed_cannot_be_written_as_if_they_were_settings(key: str) -> None:
     bench = Bench(key, SYNC, Answers.READS)
     model = MODELS[key]
     rows = [(model.register("id"), 7, "change_id")]
-    if key in SPEEDS:
-        rows.append((model.register("baud"), SPEEDS[key][1], "change_baud"))
+    if can_change_baud(model):
+        rows.append((model.register("baud"), other(key), "change_baud"))
     servo: Any = bench.servo
     for row, value, verb in rows:
         jobs = [
@@ -206,7 +217,7 @@ def test_a_port_that_goes_away_during_a_change_says_so() -> None:
     bench = Bench("rx28", SYNC, Answers.EVERYTHING)
 
     def unplug(request: bytes) -> bool:
-        if is_id_write("rx28", request):
+        if sample_of("rx28").writes_id(request):
             raise OSError("unplugged")
         return True
 

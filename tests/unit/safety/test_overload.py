@@ -7,17 +7,15 @@ from typing import Any
 import pytest
 
 import servobus
-from servobus import DRS0602, LX16A, MODELS, RX28, BadValue, NoReply, Stopped, UsageError, deg
+from samples import every_model, hottest, models_that, output_limit
+from servobus import LX16A, MODELS, RX28, BadValue, NoReply, Stopped, UsageError, deg
 from servobus.families.base import Answers
-from servobus.safety.overload import Guard, Level, Thresholds
+from servobus.safety.overload import Level, OverloadMonitor, Thresholds
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.serve.inprocess import VirtualPort
 from unit.lossy import ASYNC, SYNC
 
 DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
-EVERY = pytest.mark.parametrize("key", MODELS)
-LIMITS = {"rx28": 80.0, "drs0602": 80.0, "lx16a": 85.0}
-"""Factory values of the temperature limit, °C (3-4-1 address 11; 5-1 NO 12; command 24)."""
 
 OK, WARN, DERATE, SAFE = Level
 
@@ -25,28 +23,37 @@ OK, WARN, DERATE, SAFE = Level
 # The judgement
 
 
-def heat(guard: Guard, *temperatures: float) -> list[Level]:
-    return [guard.judge(0.0, temperature, 0.0, 0.0) for temperature in temperatures]
+def heat(monitor: OverloadMonitor, *temperatures: float) -> list[Level]:
+    return [monitor.judge(0.0, temperature, 0.0, 0.0) for temperature in temperatures]
 
 
 def test_levels_begin_where_they_are_said_to() -> None:
-    assert heat(Guard(80.0), 25, 69.9, 70, 74.9, 75, 79.9, 80, 95) == [OK, OK, WARN, WARN, DERATE, DERATE, SAFE, SAFE]
+    assert heat(OverloadMonitor(80.0), 25, 69.9, 70, 74.9, 75, 79.9, 80, 95) == [
+        OK,
+        OK,
+        WARN,
+        WARN,
+        DERATE,
+        DERATE,
+        SAFE,
+        SAFE,
+    ]
 
 
 def test_levels_end_two_degrees_below_where_they_began() -> None:
-    cooling = heat(Guard(80.0), 95, 78, 77.9, 73, 72.9, 68, 67.9, 25)
+    cooling = heat(OverloadMonitor(80.0), 95, 78, 77.9, 73, 72.9, 68, 67.9, 25)
     assert cooling == [SAFE, SAFE, DERATE, DERATE, WARN, WARN, OK, OK]
 
 
 def test_a_temperature_that_trembles_at_a_bound_does_not_flap() -> None:
     for bound, level in ((70, WARN), (75, DERATE), (80, SAFE)):
-        levels = heat(Guard(80.0), *[bound, bound - 1] * 10)
+        levels = heat(OverloadMonitor(80.0), *[bound, bound - 1] * 10)
         assert set(levels) == {level}
 
 
 def test_bounds_can_be_set() -> None:
-    guard = Guard(60.0, Thresholds(warn=20, derate=1, back=0.5))
-    assert heat(guard, 39, 40, 58, 59, 58.6, 58.4, 39.6, 39.4) == [OK, WARN, WARN, DERATE, DERATE, WARN, WARN, OK]
+    monitor = OverloadMonitor(60.0, Thresholds(warn=20, derate=1, back=0.5))
+    assert heat(monitor, 39, 40, 58, 59, 58.6, 58.4, 39.6, 39.4) == [OK, WARN, WARN, DERATE, DERATE, WARN, WARN, OK]
 
 
 @pytest.mark.parametrize(
@@ -55,31 +62,31 @@ def test_bounds_can_be_set() -> None:
 )
 def test_bounds_that_contradict_each_other_are_refused(bounds: dict[str, float]) -> None:
     with pytest.raises(BadValue):
-        Guard(80.0, Thresholds(**bounds))
+        OverloadMonitor(80.0, Thresholds(**bounds))
 
 
 def test_a_stall_is_pushing_without_moving_for_a_while() -> None:
-    guard = Guard(80.0)
-    assert [guard.judge(now, 25, -0.9, 1.0) for now in (0, 0.2, 0.4, 0.5, 3.0)] == [OK, OK, OK, SAFE, SAFE]
-    assert guard.stalled
-    assert guard.judge(3.1, 25, 0.1, 1.0) is OK
-    assert not guard.stalled
+    monitor = OverloadMonitor(80.0)
+    assert [monitor.judge(now, 25, -0.9, 1.0) for now in (0, 0.2, 0.4, 0.5, 3.0)] == [OK, OK, OK, SAFE, SAFE]
+    assert monitor.stalled
+    assert monitor.judge(3.1, 25, 0.1, 1.0) is OK
+    assert not monitor.stalled
 
 
 def test_who_pushes_and_moves_is_not_stalled() -> None:
-    guard = Guard(80.0)
-    assert {guard.judge(now / 4, 25, 1.0, now * 1.01 * deg) for now in range(20)} == {OK}
+    monitor = OverloadMonitor(80.0)
+    assert {monitor.judge(now / 4, 25, 1.0, now * 1.01 * deg) for now in range(20)} == {OK}
 
 
 def test_who_holds_lightly_is_not_stalled() -> None:
-    guard = Guard(80.0)
-    assert {guard.judge(now, 25, 0.79, 1.0) for now in range(20)} == {OK}
+    monitor = OverloadMonitor(80.0)
+    assert {monitor.judge(now, 25, 0.79, 1.0) for now in range(20)} == {OK}
 
 
 def test_a_short_let_up_begins_the_count_anew() -> None:
-    guard = Guard(80.0)
+    monitor = OverloadMonitor(80.0)
     pushes = [(0, 1.0), (0.4, 1.0), (0.5, 0.5), (0.6, 1.0), (1.0, 1.0), (1.2, 1.0)]
-    assert [guard.judge(now, 25, push, 1.0) for now, push in pushes] == [OK, OK, OK, OK, OK, SAFE]
+    assert [monitor.judge(now, 25, push, 1.0) for now, push in pushes] == [OK, OK, OK, OK, OK, SAFE]
 
 
 # On virtual servos
@@ -90,7 +97,7 @@ class Bench:
 
     def __init__(self, key: str, driver: str = SYNC, extra: str = "") -> None:
         opener: Any = servobus.open if driver == SYNC else servobus.open_async
-        self.key, self._driver = key, driver
+        self._driver = driver
         self.bus = opener(f"virtual:{key}@1?clock=virtual{extra}")
         self.line: VirtualPort = self.bus.transport
         self.servo = self.bus.attach(MODELS[key], 1)
@@ -118,7 +125,7 @@ class Bench:
 
     def look(self) -> Level:
         levels = self.do(lambda _: self.bus.protect())
-        assert list(levels) == [1]
+        assert [servo.id for servo in levels] == [1]
         level = levels[1]
         assert isinstance(level, Level)
         return level
@@ -126,13 +133,15 @@ class Bench:
     def output_limit(self) -> int:
         """What bounds the servo's output, raw."""
         self.line.sleep(0.02)
-        return self.real.get({"rx28": "torque_limit", "drs0602": "max_pwm"}[self.key])
+        row = output_limit(self.real.model)
+        assert row is not None
+        return self.real.get(row.name)
 
 
 @DRIVERS
-@EVERY
+@every_model
 def test_a_ramp_of_heat_goes_through_all_levels_and_back(key: str, driver: str) -> None:
-    bench, limit = Bench(key, driver), LIMITS[key]
+    bench, limit = Bench(key, driver), hottest(MODELS[key])
     bench.servo.safe_action = "free"
     bench.do(lambda servo: servo.torque_on())
     goal = bench.real.position + 10 * deg
@@ -152,19 +161,21 @@ def test_a_ramp_of_heat_goes_through_all_levels_and_back(key: str, driver: str) 
     bench.do(lambda servo: servo.start_move(goal, time=0.2))
 
 
-@EVERY
+@models_that(lambda model: output_limit(model) is None)
+def test_near_the_limit_a_servo_whose_output_has_no_bound_is_moved_at_half_the_speed(key: str) -> None:
+    bench, limit = Bench(key), hottest(MODELS[key])
+    bench.do(lambda servo: servo.torque_on())
+    goal = bench.real.position + 20 * deg
+    durations = []
+    for degrees in (25, limit - 4, limit - 3, 25):
+        bench.at(degrees)
+        durations.append(bench.do(lambda servo: servo.start_move(goal, time=1.0)).duration)
+    assert durations == [1.0, 2.0, 2.0, 1.0]
+
+
+@models_that(lambda model: output_limit(model) is not None)
 def test_near_the_limit_it_is_weakened_once_and_gets_its_strength_back(key: str) -> None:
-    bench, limit = Bench(key), LIMITS[key]
-    if key == "lx16a":  # it has no such register: it is moved at half the speed
-        bench.do(lambda servo: servo.torque_on())
-        goal = bench.real.position + 20 * deg
-        durations = []
-        for degrees in (25, limit - 4, limit - 3, 25):
-            bench.at(degrees)
-            durations.append(bench.do(lambda servo: servo.start_move(goal, time=1.0)).duration)
-        assert durations == [1.0, 2.0, 2.0, 1.0]
-        return
-    own = {"rx28": RX28.torque_limit, "drs0602": DRS0602.max_pwm}[key]
+    bench, limit, own = Bench(key), hottest(MODELS[key]), output_limit(MODELS[key])
     bench.do(lambda servo: servo.write_raw({own: 801}))
     strengths = []
     for degrees in (25.0, limit - 4, limit - 3, limit - 6, limit - 8, 25.0):
@@ -197,7 +208,7 @@ def test_what_restarted_is_weakened_again() -> None:
     assert bench.output_limit() == 1023
 
 
-@EVERY
+@every_model
 def test_a_blocked_shaft_is_made_safe(key: str) -> None:
     bench = Bench(key, extra="&load=blocked")
     bench.do(lambda servo: servo.torque_on())
@@ -222,7 +233,7 @@ def test_a_blocked_shaft_is_made_safe(key: str) -> None:
     bench.do(lambda servo: servo.start_move(here, time=0.5))
 
 
-@EVERY
+@every_model
 def test_a_servo_that_moves_and_holds_is_left_alone(key: str) -> None:
     bench = Bench(key)
     bench.do(lambda servo: servo.torque_on())

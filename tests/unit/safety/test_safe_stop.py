@@ -13,7 +13,8 @@ if sys.platform == "win32":
     pytest.skip("no pseudo terminals on Windows", allow_module_level=True)
 
 import servobus
-from servobus import DRS0602, LX16A, MODELS, RX28, Stopped, TorqueOff, UsageError, deg
+from samples import ONE_OF_EACH_FAMILY, sample_of
+from servobus import DRS0602, LX16A, RX28, Stopped, TorqueOff, UsageError, deg
 from servobus.bus.asyncio import AsyncBus
 from servobus.bus.blocking import Bus
 from servobus.link.blocking import run_blocking
@@ -91,7 +92,7 @@ asyncio.run(main())
 }
 
 
-@pytest.fixture(params=MODELS)
+@pytest.fixture(params=ONE_OF_EACH_FAMILY)
 def arm(request: pytest.FixtureRequest) -> Iterator[tuple[str, Arm]]:
     with Arm(f"{request.param}@1,2") as arm:
         yield request.param, arm
@@ -117,11 +118,6 @@ def run(arm: Arm, key: str, driver: str, end: str, *, action: str = "", send: in
     return program.returncode
 
 
-def before(key: str) -> int:
-    """Tell how many commands of `stops` torque_on itself sends: an RX-28 gets its position as goal."""
-    return 1 if key == "rx28" else 0
-
-
 @DRIVERS
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_stops_what_moves_once(arm: tuple[str, Arm], driver: str, number: int) -> None:
@@ -142,7 +138,7 @@ def test_a_crash_and_an_open_bus_at_the_end_stop_what_moves(arm: tuple[str, Arm]
     status = run(servos, key, driver, end)
     assert status == {"crash": 1, "exit": 3, "open": 0}[end]
     heard = servos.settled()
-    assert (stops(heard, key, 1) - before(key), stops(heard, key, 2)) == (1, 0)
+    assert (stops(heard, key, 1) - sample_of(key).stops_of_torque_on, stops(heard, key, 2)) == (1, 0)
 
 
 @DRIVERS
@@ -333,7 +329,7 @@ def test_a_stop_is_not_refused_for_being_far_from_the_goal() -> None:
         servo.stop()
         servo.write_raw({RX28.moving_speed: 0})
         raise ValueError("a slip")
-    assert not servo.notes.driven
+    assert not servo.permit.driven
 
 
 @DRIVERS

@@ -17,6 +17,7 @@ if sys.platform == "win32":
     pytest.skip("no pseudo terminals on Windows", allow_module_level=True)
 
 import servobus
+from samples import ONE_OF_EACH_FAMILY
 from servobus import LX16A, MODELS, RX28, BadValue, Stopped, UsageError, deg
 from servobus.core.exchange import Procedure
 from servobus.jobs.scan import scan
@@ -29,7 +30,7 @@ LONG = 60.0
 """s; a time-out that no test reaches."""
 
 
-@pytest.fixture(params=MODELS)
+@pytest.fixture(params=ONE_OF_EACH_FAMILY)
 def arm(request: pytest.FixtureRequest) -> Iterator[tuple[str, Arm]]:
     with Arm(f"{request.param}@1,2") as arm:
         yield request.param, arm
@@ -239,7 +240,7 @@ class Slow:
         move = servo.move(servo.look().position + 100 * deg, speed=1 * deg)
         assert move.duration == pytest.approx(100.0)
         waits, got = threading.Event(), []
-        attended = servo.notes.keep_alive
+        attended = servo.permit.keep_alive
 
         def keep_alive() -> None:
             waits.set()
@@ -251,7 +252,7 @@ class Slow:
             except BaseException as error:  # noqa: BLE001 - the test looks at it
                 got.append(error)
 
-        servo.notes.keep_alive = keep_alive
+        servo.permit.keep_alive = keep_alive
         waiter = threading.Thread(target=wait, daemon=True)
         waiter.start()
         assert waits.wait(PATIENCE)
@@ -300,12 +301,12 @@ def test_a_control_cycle_that_ends_has_its_servos_stopped(arm: tuple[str, Arm]) 
         cycle = bus.cycle(["present_position"], servos=[1, 2])
         here = servos[0].look().position
         watch = bus.watch(LONG)
-        assert not any(servo.notes.driven for servo in servos)
+        assert not any(servo.permit.driven for servo in servos)
         for step in range(1, 4):
             fed = watch._fed
             cycle.run({1: here + step * deg})
             assert watch._fed > fed
-        assert [servo.notes.driven for servo in servos] == [True, False]
+        assert [servo.permit.driven for servo in servos] == [True, False]
         fed = watch._fed
         cycle.run()  # who only reads may be stuck in what he computes
         assert watch._fed == fed
@@ -322,7 +323,7 @@ def test_a_control_cycle_that_ends_has_its_servos_stopped(arm: tuple[str, Arm]) 
         watch.timeout = LONG
         watch.reset()
         cycle.run({1: here})
-        assert servos[0].notes.driven
+        assert servos[0].permit.driven
 
 
 def test_a_cycle_moves_no_servo_that_was_stopped_for_its_own_good(lx: Arm) -> None:
@@ -333,8 +334,8 @@ def test_a_cycle_moves_no_servo_that_was_stopped_for_its_own_good(lx: Arm) -> No
         cycle.run({1: servo.look().position})
         servo.stop()
         cycle.run({1: servo.look().position})
-        assert not servo.notes.stopped  # so a trip of the watch stops it again
-        servo.notes.inhibited = "too hot"
+        assert not servo.permit.stopped  # so a trip of the watch stops it again
+        servo.permit.inhibited = "too hot"
         with pytest.raises(Stopped, match="too hot"):
             cycle.run({1: 1.0})
 

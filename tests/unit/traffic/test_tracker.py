@@ -33,19 +33,19 @@ def entries(script: Script) -> list[Entry]:
 
 def watch(script: Script, tracker: Tracker | None = None) -> list[TrafficEvent]:
     tracker = tracker or Tracker()
-    return [sight for entry in entries(script) for sight in tracker.feed(entry)] + tracker.finish()
+    return [event for entry in entries(script) for event in tracker.feed(entry)] + tracker.finish()
 
 
-def said(sights: Sequence[TrafficEvent]) -> list[tuple[str, int | None, str]]:
-    return [(str(sight.kind), sight.id, sight.text) for sight in sights]
+def said(events: Sequence[TrafficEvent]) -> list[tuple[str, int | None, str]]:
+    return [(str(event.kind), event.id, event.text) for event in events]
 
 
-def kinds(sights: Sequence[TrafficEvent]) -> list[str]:
-    return [str(sight.kind) for sight in sights]
+def kinds(events: Sequence[TrafficEvent]) -> list[str]:
+    return [str(event.kind) for event in events]
 
 
-def troubles(sights: Sequence[TrafficEvent]) -> list[Trouble]:
-    return [sight.trouble for sight in sights if sight.trouble]
+def troubles(events: Sequence[TrafficEvent]) -> list[Trouble]:
+    return [event.trouble for event in events if event.trouble]
 
 
 def only(tracker: Tracker) -> ServoTraffic:
@@ -61,19 +61,19 @@ def only(tracker: Tracker) -> ServoTraffic:
 def test_question_and_answer(family: str, marks: str) -> None:
     question, answer = DIALOGUES[family]
     tracker = Tracker(baud=57_600)
-    sights = watch([(1.0, marks[0], question), (1.01, marks[1], answer)], tracker)
-    assert kinds(sights) == ["request", "answer"]
-    assert [sight.raw for sight in sights] == [question, answer]
-    assert [sight.time for sight in sights] == [1.0, 1.01]
-    assert {sight.family for sight in sights} == {FAMILIES[family]}
-    assert troubles(sights) == []
+    events = watch([(1.0, marks[0], question), (1.01, marks[1], answer)], tracker)
+    assert kinds(events) == ["request", "answer"]
+    assert [event.raw for event in events] == [question, answer]
+    assert [event.time for event in events] == [1.0, 1.01]
+    assert {event.family for event in events} == {FAMILIES[family]}
+    assert troubles(events) == []
     tally = only(tracker)
     assert (tally.requests, tally.answers, tally.missing, tally.error_rate) == (1, 1, 0, 0.0)
 
 
 def test_words_need_the_question() -> None:
-    sights = watch([(0.0, ">", READ), (0.01, "<", HEAT)])
-    assert said(sights) == [
+    events = watch([(0.0, ">", READ), (0.01, "<", HEAT)])
+    assert said(events) == [
         ("request", 1, "READ_DATA id 1: 1 byte from address 43, present_temperature"),
         ("answer", 1, "status of id 1: ok, present_temperature 32 °C"),
     ]
@@ -91,15 +91,15 @@ def test_packets_in_pieces(family: str, size: int) -> None:
     question, answer = DIALOGUES[family]
     script = [(0.001 * at, ">", question[at : at + size]) for at in range(0, len(question), size)]
     script += [(0.05 + 0.001 * at, "<", answer[at : at + size]) for at in range(0, len(answer), size)]
-    sights = watch(script)
-    assert [(str(sight.kind), sight.raw) for sight in sights] == [("request", question), ("answer", answer)]
-    assert [sight.time for sight in sights] == [0.0, 0.05]
+    events = watch(script)
+    assert [(str(event.kind), event.raw) for event in events] == [("request", question), ("answer", answer)]
+    assert [event.time for event in events] == [0.0, 0.05]
 
 
 def test_everything_in_one_piece() -> None:
-    sights = watch([(0.5, "-", READ + HEAT + READ + HEAT)])
-    assert kinds(sights) == ["request", "answer"] * 2
-    assert [sight.latency for sight in sights] == [None] * 4  # they came together: nobody knows
+    events = watch([(0.5, "-", READ + HEAT + READ + HEAT)])
+    assert kinds(events) == ["request", "answer"] * 2
+    assert [event.latency for event in events] == [None] * 4  # they came together: nobody knows
 
 
 # Latency
@@ -114,9 +114,9 @@ def test_latency_counts_from_the_last_bit_of_the_request() -> None:
 
 def test_requests_queue_before_they_are_on_the_wire() -> None:
     tracker = Tracker(baud=10_000)  # a byte takes 1 ms
-    sights = watch([(1.0, ">", SYNC), (1.001, ">", PING), (1.040, "<", PONG)], tracker)
+    events = watch([(1.0, ">", SYNC), (1.001, ">", PING), (1.040, "<", PONG)], tracker)
     assert len(SYNC) == 28
-    assert sights[-1].latency == pytest.approx(0.040 - 0.028 - 0.006)
+    assert events[-1].latency == pytest.approx(0.040 - 0.028 - 0.006)
 
 
 def test_latency_while_listening_is_between_the_pieces() -> None:
@@ -164,18 +164,18 @@ def test_no_answer_in_time(family: str) -> None:
 
 
 def test_who_asks_on_has_given_up() -> None:
-    sights = watch([(1.0, ">", READ), (1.02, ">", PING), (1.021, "<", PONG)])
-    assert kinds(sights) == ["request", "silence", "request", "answer"]
-    assert sights[1].time == 1.02
-    assert troubles(sights) == [Trouble.SILENT]
+    events = watch([(1.0, ">", READ), (1.02, ">", PING), (1.021, "<", PONG)])
+    assert kinds(events) == ["request", "silence", "request", "answer"]
+    assert events[1].time == 1.02
+    assert troubles(events) == [Trouble.SILENT]
 
 
 def test_a_line_of_two_lanes_has_several_questions_open() -> None:
     first, second = GOLDEN["herkulex", "ram_read_request"], bytes.fromhex("FF FF 07 DB 07 DA 24")  # STAT id 219
     ack = bytes.fromhex("FF FF 09 DB 47 94 6A 00 00")  # 09 ^ DB ^ 47 = 95: 94 and ~95 & FE = 6A
-    sights = watch([(0.0, ">", first), (0.001, ">", second), (0.004, "<", RAM_ACK), (0.006, "<", ack)])
-    assert kinds(sights) == ["request", "request", "answer", "answer"]
-    assert troubles(sights) == []
+    events = watch([(0.0, ">", first), (0.001, ">", second), (0.004, "<", RAM_ACK), (0.006, "<", ack)])
+    assert kinds(events) == ["request", "request", "answer", "answer"]
+    assert troubles(events) == []
     assert kinds(watch([(0.0, ">", first), (0.02, ">", first)])) == ["request", "silence", "request"]
 
 
@@ -194,8 +194,8 @@ def test_whether_commands_are_answered_is_learnt() -> None:
     silent = [(1.0, ">", WRITE), (2.0, ">", WRITE), (3.0, ">", PING), (3.001, "<", PONG)]
     assert troubles(watch(silent)) == []
     obeyed = [(0.0, ">", WRITE), (0.002, "<", PONG), *silent]
-    sights = watch(obeyed)
-    (silence,) = (sight for sight in sights if sight.trouble)
+    events = watch(obeyed)
+    (silence,) = (event for event in events if event.trouble)
     assert silence.trouble is Trouble.SILENT
     assert silence.time == pytest.approx(1.0 + PATIENCE)
 
@@ -219,24 +219,24 @@ def test_all_may_answer_a_stat_to_all() -> None:
 
 def test_a_stranger() -> None:
     tracker = Tracker()
-    sights = watch([(0.0, ">", PING), (0.002, "<", OTHER_PONG), (0.004, "<", PONG)], tracker)
-    assert kinds(sights) == ["request", "answer", "answer"]
-    assert troubles(sights) == [Trouble.STRANGER]
-    assert sights[1].text == "STRANGER, id 1 was asked: status of id 2: ok"
+    events = watch([(0.0, ">", PING), (0.002, "<", OTHER_PONG), (0.004, "<", PONG)], tracker)
+    assert kinds(events) == ["request", "answer", "answer"]
+    assert troubles(events) == [Trouble.STRANGER]
+    assert events[1].text == "STRANGER, id 1 was asked: status of id 2: ok"
     assert [(tally.id, tally.answers, tally.other) for tally in tracker.servos] == [(1, 1, 0), (2, 0, 1)]
 
 
 @pytest.mark.parametrize("mark", "<-")
 def test_an_answer_that_nobody_asked_for(mark: str) -> None:
-    sights = watch([(0.0, mark, PONG), (0.5, mark, POS)], Tracker())
-    assert troubles(sights) == [Trouble.UNASKED] * 2
-    assert sights[0].text == "NOBODY ASKED for this: status of id 1: ok"
+    events = watch([(0.0, mark, PONG), (0.5, mark, POS)], Tracker())
+    assert troubles(events) == [Trouble.UNASKED] * 2
+    assert events[0].text == "NOBODY ASKED for this: status of id 1: ok"
 
 
 def test_an_answer_before_its_question() -> None:
-    sights = watch([(0.0, "<", PONG), (0.001, ">", PING), (0.5, ">", SYNC)])
-    assert kinds(sights) == ["answer", "request", "silence", "request"]
-    assert troubles(sights) == [Trouble.UNASKED, Trouble.SILENT]
+    events = watch([(0.0, "<", PONG), (0.001, ">", PING), (0.5, ">", SYNC)])
+    assert kinds(events) == ["answer", "request", "silence", "request"]
+    assert troubles(events) == [Trouble.UNASKED, Trouble.SILENT]
 
 
 def test_an_answer_that_reads_as_a_request_is_not_taken_for_one() -> None:
@@ -247,9 +247,9 @@ def test_an_answer_that_reads_as_a_request_is_not_taken_for_one() -> None:
 def test_an_answer_of_the_wrong_length() -> None:
     tracker = Tracker()
     three = GOLDEN["dynamixel", "ex6_reply"]
-    sights = watch([(0.0, ">", READ), (0.002, "<", three)], tracker)
-    assert troubles(sights) == [Trouble.MISFIT]
-    assert sights[1].text == "DOES NOT FIT the question: status of id 1: ok, 1C 00 08"
+    events = watch([(0.0, ">", READ), (0.002, "<", three)], tracker)
+    assert troubles(events) == [Trouble.MISFIT]
+    assert events[1].text == "DOES NOT FIT the question: status of id 1: ok, 1C 00 08"
     assert (only(tracker).other, only(tracker).missing, only(tracker).error_rate) == (1, 0, 1.0)
 
 
@@ -261,10 +261,10 @@ def test_a_bad_checksum_is_counted_once(family: str) -> None:
     question, answer = DIALOGUES[family]
     bad = answer[:-1] + bytes([answer[-1] ^ 0x10])
     tracker = Tracker(FAMILIES[family])
-    sights = watch([(0.0, ">", question), (0.004, "<", bad), (0.5, ">", question), (0.504, "<", answer)], tracker)
-    assert kinds(sights) == ["request", "corrupt", "request", "answer"]
-    assert sights[1].text.startswith("CHECKSUM WRONG: would be ")
-    assert sights[1].raw == bad
+    events = watch([(0.0, ">", question), (0.004, "<", bad), (0.5, ">", question), (0.504, "<", answer)], tracker)
+    assert kinds(events) == ["request", "corrupt", "request", "answer"]
+    assert events[1].text.startswith("CHECKSUM WRONG: would be ")
+    assert events[1].raw == bad
     tally = only(tracker)
     assert (tally.requests, tally.answers, tally.corrupt, tally.missing) == (2, 1, 1, 0)
     assert tally.error_rate == 0.5
@@ -280,22 +280,22 @@ def test_a_wrong_id_in_a_corrupt_packet_makes_no_servo() -> None:
 @pytest.mark.parametrize("marks", ["><", "--"], ids=["between", "listening"])
 def test_a_probe_for_an_echo_is_no_junk(marks: str) -> None:
     tracker = Tracker()
-    sights = watch([(0.0, marks[0], b"\x00" + PING), (0.01, marks[1], PONG)], tracker)
-    assert kinds(sights) == ["probe", "request", "answer"]
-    assert (tracker.junk, troubles(sights)) == (0, [])
+    events = watch([(0.0, marks[0], b"\x00" + PING), (0.01, marks[1], PONG)], tracker)
+    assert kinds(events) == ["probe", "request", "answer"]
+    assert (tracker.junk, troubles(events)) == (0, [])
 
 
 def test_a_probe_in_front_of_another_family() -> None:
-    sights = watch([(0.0, ">", POS_READ), (0.01, "<", POS), (0.2, ">", b"\x00" + PING), (0.21, "<", PONG)])
-    assert kinds(sights) == ["request", "answer", "probe", "request", "answer"]
+    events = watch([(0.0, ">", POS_READ), (0.01, "<", POS), (0.2, ">", b"\x00" + PING), (0.21, "<", PONG)])
+    assert kinds(events) == ["request", "answer", "probe", "request", "answer"]
 
 
 def test_a_probe_that_comes_back() -> None:
     tracker = Tracker(baud=57_600)
     script = [(0.0, ">", b"\x00" + PING), (0.002, "<", b"\x00"), (0.003, "<", PING), (0.005, "<", PONG)]
-    sights = watch(script, tracker)
-    assert sights[2].text == "echo of the probe"
-    assert (kinds(sights)[:3], tracker.junk) == (["probe", "request", "echo"], 0)
+    events = watch(script, tracker)
+    assert events[2].text == "echo of the probe"
+    assert (kinds(events)[:3], tracker.junk) == (["probe", "request", "echo"], 0)
 
 
 @pytest.mark.parametrize("junk", [b"\x01", b"\x00\x00"])
@@ -314,9 +314,9 @@ def test_an_answer_that_lost_a_byte_is_corrupt_and_not_missing(family: str, agai
     begun = bytes(answer[:lost] + answer[len(answer) + lost + 1 :])
     assert len(begun) == len(answer) - 1
     script = [(0.0, ">", question), (0.01, "<", begun), (again, ">", question), (again + 0.01, "<", answer)]
-    sights = watch(script, tracker)
-    assert kinds(sights) == ["request", "corrupt", "request", "answer"]
-    assert (sights[1].raw, sights[1].trouble) == (begun, Trouble.CUT)
+    events = watch(script, tracker)
+    assert kinds(events) == ["request", "corrupt", "request", "answer"]
+    assert (events[1].raw, events[1].trouble) == (begun, Trouble.CUT)
     tally = only(tracker)
     assert (tally.requests, tally.answers, tally.corrupt, tally.missing, tally.failed) == (2, 1, 1, 0, 1)
     assert (tracker.cut_short, tracker.corrupt, tracker.junk) == (1, 0, 0)
@@ -330,22 +330,22 @@ def test_the_beginning_of_an_answer_that_was_not_asked_for_is_junk() -> None:
 
 def test_junk_around_an_answer() -> None:
     tracker = Tracker()
-    sights = watch([(0.0, ">", PING), (0.002, "<", b"\x00\x80" + PONG + b"\x7f")], tracker)
-    assert said(sights) == [
+    events = watch([(0.0, ">", PING), (0.002, "<", b"\x00\x80" + PONG + b"\x7f")], tracker)
+    assert said(events) == [
         ("request", 1, "PING id 1"),
         ("noise", None, "JUNK: 2 bytes that are no packet"),
         ("answer", 1, "status of id 1: ok"),
         ("noise", None, "JUNK: a byte that is no packet"),
     ]
-    assert b"".join(sight.raw for sight in sights[1:]) == b"\x00\x80" + PONG + b"\x7f"
+    assert b"".join(event.raw for event in events[1:]) == b"\x00\x80" + PONG + b"\x7f"
     assert tracker.junk == 3
 
 
 def test_half_an_answer_ends_with_the_next_question() -> None:
-    sights = watch([(0.0, ">", READ), (0.002, "<", HEAT[:5]), (0.03, ">", READ), (0.032, "<", HEAT)])
-    assert kinds(sights) == ["request", "corrupt", "request", "answer"]
-    assert sights[1].raw == HEAT[:5]
-    assert sights[1].time == 0.002
+    events = watch([(0.0, ">", READ), (0.002, "<", HEAT[:5]), (0.03, ">", READ), (0.032, "<", HEAT)])
+    assert kinds(events) == ["request", "corrupt", "request", "answer"]
+    assert events[1].raw == HEAT[:5]
+    assert events[1].time == 0.002
 
 
 def test_half_a_packet_ends_with_quiet() -> None:
@@ -357,8 +357,8 @@ def test_half_a_packet_ends_with_quiet() -> None:
 
 
 def test_a_packet_behind_a_false_header() -> None:
-    sights = watch([(0.0, ">", PING), (0.003, "<", bytes.fromhex("FF FF 01 20") + PONG), (0.5, ">", SYNC)])
-    assert kinds(sights) == ["request", "noise", "answer", "request"]
+    events = watch([(0.0, ">", PING), (0.003, "<", bytes.fromhex("FF FF 01 20") + PONG), (0.5, ">", SYNC)])
+    assert kinds(events) == ["request", "noise", "answer", "request"]
 
 
 def test_a_false_header_on_a_line_of_two_lanes() -> None:
@@ -372,10 +372,10 @@ def test_a_false_header_on_a_line_of_two_lanes() -> None:
 def test_a_request_that_is_none() -> None:
     unknown = bytes.fromhex("FF FF 01 03 09 55 9D")  # ~(1 + 3 + 9 + 55) = 9D
     refusal = bytes.fromhex("FF FF 01 02 40 BC")  # instruction error
-    sights = watch([(0.0, ">", unknown), (0.002, "<", refusal), (1.0, ">", unknown)], Tracker(RX28.family))
-    assert said(sights[:1]) == [("request", 1, "unknown request 0x09 id 1, data 55")]
-    assert sights[1].text.startswith("status of id 1: refused, ")
-    assert kinds(sights) == ["request", "answer", "request"]
+    events = watch([(0.0, ">", unknown), (0.002, "<", refusal), (1.0, ">", unknown)], Tracker(RX28.family))
+    assert said(events[:1]) == [("request", 1, "unknown request 0x09 id 1, data 55")]
+    assert events[1].text.startswith("status of id 1: refused, ")
+    assert kinds(events) == ["request", "answer", "request"]
 
 
 # Echo
@@ -395,17 +395,17 @@ def test_an_adapter_that_gives_back_what_is_sent(family: str) -> None:
 def test_the_echo_of_a_ping_looks_like_its_answer_until_the_answer_comes() -> None:
     script = [(0.0, ">", PING), (0.001, "<", PING), (0.003, "<", PONG), (1.0, ">", PING), (1.001, "<", PING)]
     tracker = Tracker()
-    sights = watch(script, tracker)
-    assert kinds(sights) == ["request", "answer", "answer", "request", "echo"]
-    assert troubles(sights) == []
+    events = watch(script, tracker)
+    assert kinds(events) == ["request", "answer", "answer", "request", "echo"]
+    assert troubles(events) == []
     assert only(tracker).answers == 1
 
 
 def test_an_alarm_that_looks_like_an_echo() -> None:
     script = [(0.0, ">", READ), (0.003, "<", HEAT), (1.0, ">", PING), (1.003, "<", LOW_VOLTAGE)]
-    sights = watch(script)
-    assert sights[-1].text == "status of id 1: ALARM input_voltage"
-    assert troubles(sights) == []
+    events = watch(script)
+    assert events[-1].text == "status of id 1: ALARM input_voltage"
+    assert troubles(events) == []
 
 
 # Whose packets
@@ -419,11 +419,11 @@ def test_families_take_turns() -> None:
         for time, mark, data in ((start, ">", question), (start + 0.003, "<", answer))
     ]
     tracker = Tracker()
-    sights = watch(script, tracker)
-    assert [sight.family.name for sight in sights if sight.family] == [
+    events = watch(script, tracker)
+    assert [event.family.name for event in events if event.family] == [
         name for name in [*DIALOGUES, *DIALOGUES] for _ in range(2)
     ]
-    assert troubles(sights) == []
+    assert troubles(events) == []
     assert [(tally.family.name, tally.id) for tally in tracker.servos] == [
         ("dynamixel", 1),
         ("herkulex", 253),

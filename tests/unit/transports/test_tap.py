@@ -43,7 +43,7 @@ def session(port: Transport) -> list[object]:
     results: list[object] = []
     with Bus(port) as bus:
         results += [str(servo) for servo in bus.scan(ids=range(1, 5))]
-        results.append(dict(bus.read_all("present_position")))
+        results.append(bus.read_all("present_position").by_id())
         servo = bus.find(1, family="dynamixel")
         servo.torque_on()
         servo.move(1.0, time=0.2).wait()

@@ -1,8 +1,8 @@
 """The control law of the RX-28: plain numbers in, plain numbers out.
 
-    position  units of the register, 0 .. 1023; larger is counter-clockwise
+    position  units of the register; larger is counter-clockwise
     output    -1 .. 1, the share of the supply voltage at the motor; positive turns counter-clockwise
-    limit     0 .. 1, the largest output (Torque Limit / 1023)
+    limit     0 .. 1, the largest output (Torque Limit)
     error     goal minus position
 
 Section numbers are those of the RX-28 user's manual. It draws the output over the position and says what Moving Speed

@@ -11,8 +11,8 @@ from functools import lru_cache
 
 from servobus.core.framing import Corrupt, Packet
 from servobus.core.ids import BROADCAST
-from servobus.core.registers import Address, Register
-from servobus.families.base import Answers
+from servobus.core.registers import Register
+from servobus.families.base import Answers, blocks
 from servobus.families.dynamixel.control import (
     LEVELS,
     OVERLOAD_TIME,
@@ -22,6 +22,7 @@ from servobus.families.dynamixel.control import (
     strained,
     width,
 )
+from servobus.families.dynamixel.places import TABLE, Address
 from servobus.families.dynamixel.protocol import (
     CLOCK,
     FRAMING,
@@ -36,15 +37,10 @@ from servobus.families.dynamixel.protocol import (
     WriteData,
     parse_instruction,
 )
-from servobus.families.dynamixel.verbs import Dynamixel1
-from servobus.virtual.device.memory import TABLE
+from servobus.families.dynamixel.verbs import open_while_locked
 from servobus.virtual.device.servo import Replies, VirtualServo
 
 TURN = 2 * math.pi
-FULL = 1023
-"""Full output, and the largest position (3-4-1 Max Torque, 3-4-2 Goal Position)."""
-OPEN = range(24, 36)
-"""Addresses that can be written while Lock is on (3-4-2 Lock)."""
 OK = Error(0)
 
 _parse = lru_cache(maxsize=16)(parse_instruction)
@@ -79,7 +75,15 @@ class Settings:
     hottest: int
 
 
-class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
+SETTINGS = (
+    "cw_angle_limit", "ccw_angle_limit", "highest_limit_temperature", "lowest_limit_voltage", "highest_limit_voltage",
+    "torque_enable", "cw_compliance_margin", "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope",
+    "goal_position", "moving_speed", "torque_limit", "punch",
+)  # fmt: skip
+"""Registers of which `Settings` are made."""
+
+
+class Dynamixel1Servo(VirtualServo):
     """Goal Position and the shaft while the torque is off: the manual does not say what becomes of the goal.
 
     ROBOTIS says that it follows the shaft that is turned by hand, so that nothing jumps when the torque is
@@ -128,6 +132,14 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
         self._reserved = [
             row for row in self._rows_by_address.values() if row.name.startswith("reserved") and row.writable
         ]
+        self._open = open_while_locked(self.model)
+        rows = [self.row(name) for name in SETTINGS]
+        spans = blocks(((_address(row), row.layout.size) for row in rows), gap=0, longest=len(self.memory.space(TABLE)))
+        self._sources = [slice(start, start + size) for start, size in spans]
+        """Bytes of the control table of which the settings are made."""
+        self._last: int = self.row("goal_position").limits[1]
+        """The largest position."""
+        self._fastest: int = self.row("moving_speed").limits[1]
         self._kept = self._followed = None
         self._flicker_until = -math.inf
         self._units: float = 1 / self.row("present_position").decode(1)
@@ -218,7 +230,7 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
 
     def _read(self, address: int, length: int) -> tuple[Error, bytes]:
         self._sense()
-        table = self.memory.table
+        table = self.memory.space(TABLE)
         if address + length > len(table):
             return Error.RANGE, b""  # ED-30
         return OK, table[address : address + length]
@@ -263,7 +275,7 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
 
     def _refusal(self, address: int, data: bytes) -> Error:
         """Tell why these bytes may not be written; nothing of a packet is written if anything is wrong (D-32)."""
-        if self.get("lock") and not (address in OPEN and address + len(data) - 1 in OPEN):
+        if self.get("lock") and not (address in self._open and address + len(data) - 1 in self._open):
             return Error.RANGE  # ED-21
         error, at = OK, 0
         while at < len(data):
@@ -278,8 +290,8 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
         raw = int.from_bytes(data, "little")
         if row.layout.sign_bit is not None:
             # Moving Speed has a direction bit in endless turn only (ED-14).
-            top = 2 * FULL + 1 if self.endless else FULL
-            return Error.RANGE if raw > top else OK
+            direction = 1 << row.layout.sign_bit if self.endless else 0
+            return OK if raw & ~direction <= row.limits[1] else Error.RANGE
         if not row.accepts(raw):
             return Error.RANGE
         low, high = self.get("cw_angle_limit"), self.get("ccw_angle_limit")
@@ -313,9 +325,9 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
         speed = self.row("present_speed").scale.encode(self.shaft.velocity)
         self._judge(self._settings())
         self.put("present_position", self.present)
-        self.put("present_speed", max(-FULL, min(speed, FULL)))
+        self.put("present_speed", max(-self._fastest, min(speed, self._fastest)))
         # Inferred from the output, as ROBOTIS says; the sign is the direction in which the motor pushes.
-        self.put("present_load", round(self.output * FULL))
+        self.put("present_load", self.row("present_load").scale.encode(self.output))
         self.put("present_voltage", self._volts)
         self.put("present_temperature", self._celsius)
         self.put("moving", int(self._moving))
@@ -420,8 +432,8 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
 
     def _settings(self) -> Settings:
         """Give what the registers say now."""
-        table = self.memory.table
-        made_of = table[6:36], table[48:], self.slope_levels, self.sides_swapped
+        table = self.memory.space(TABLE)
+        made_of = *(table[part] for part in self._sources), self.slope_levels, self.sides_swapped
         if made_of != self._made_of:
             self._made_of, self._now = made_of, self._read_settings()
             now = self._now
@@ -443,14 +455,18 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
             endless=self.endless,
             goal=self.get("goal_position"),
             step=moved if speed else math.inf,  # 3-4-2: 0 is no speed control
-            share=max(-FULL, min(speed, FULL)) / FULL,
-            limit=self.get("torque_limit") / FULL,
-            punch=self.get("punch") / FULL,
+            share=max(-1.0, min(self.model.turn_scale.decode(speed), 1.0)),
+            limit=self._share("torque_limit"),
+            punch=self._share("punch"),
             cw=sides[0],
             ccw=sides[1],
             voltages=(self.get("lowest_limit_voltage"), self.get("highest_limit_voltage")),
             hottest=self.get("highest_limit_temperature"),
         )
+
+    def _share(self, name: str) -> float:
+        """Give what a register says of the full output, 0 .. 1: its highest value is all of it, without rounding."""
+        return self.get(name) / self.row(name).limits[1]
 
     @property
     def torque(self) -> bool:
@@ -471,16 +487,17 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
     def present(self) -> int:
         """Position as measured, and all that the control loop knows of it, in its unit.
 
-        The 60° that the sensor does not cover read as the nearer end; a goal at that end counts as reached (D-63).
+        What the sensor does not cover of a turn (60° in an RX-28) reads as the nearer end; a goal at that end counts
+        as reached (D-63).
         """
         return self._measure(self.shaft.position)
 
     def _measure(self, position: float) -> int:
         units = position * self._units
-        if not 0 <= units < FULL:
+        if not 0 <= units < self._last:
             units %= self._whole
-            if units > FULL:
-                return FULL if units < (FULL + self._whole) / 2 else 0
+            if units > self._last:
+                return self._last if units < (self._last + self._whole) / 2 else 0
         return int(units + 0.5)
 
     def _follow_shaft(self, *, keep_goal: bool = False) -> None:
@@ -490,3 +507,8 @@ class Dynamixel1Servo(VirtualServo, family=Dynamixel1):
             self._followed = self.present
             if not keep_goal:
                 self.put("goal_position", self.present)
+
+
+def _address(row: Register[int]) -> int:
+    assert isinstance(row.place, Address)
+    return row.place.address

@@ -6,7 +6,7 @@ from typing import Any
 from servobus.core.exchange import Exchange, Procedure, ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
-from servobus.core.registers import Address, Area, Register
+from servobus.core.registers import Area, Register
 from servobus.core.units import Flags
 from servobus.errors import BadValue, BusError, NoReply, Refused, UsageError
 from servobus.families.base import (
@@ -14,6 +14,7 @@ from servobus.families.base import (
     AxisMove,
     Family,
     Identity,
+    KnownServo,
     Model,
     MotionStatus,
     Reading,
@@ -24,6 +25,7 @@ from servobus.families.base import (
     check_output,
     within,
 )
+from servobus.families.dynamixel.places import TABLE, Address
 from servobus.families.dynamixel.protocol import (
     ALARMS,
     FRAMING,
@@ -56,12 +58,15 @@ class Dynamixel1(Family):
     name = "dynamixel"
     title = "Dynamixel protocol 1.0"
     framing = FRAMING
-    default_baud = 57_600
-    motion_registers = frozenset({"moving_speed"})
-    output_limit = "torque_limit"
-    volatile = frozenset({"goal_position", "moving_speed", "torque_limit", "registered_instruction"})
-    # Table in manual 3-4-1, plus the codes in use elsewhere in the field; most likely first.
-    bauds = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
+    needs = (
+        "alarm_shutdown", "led", "lock", "max_torque", "moving", "moving_speed", "torque_limit",
+    )  # fmt: skip
+
+    def check_model(self, model: type[Model]) -> None:
+        """Make sure that a goal and its speed can be sent in one piece, which is how several servos start at once."""
+        goal, speed = model.register("goal_position"), model.register("moving_speed")
+        if _address(speed) != _address(goal) + goal.layout.size:
+            raise TypeError(f"{speed} does not stand right behind {goal.name}, with which it is written")
 
     def ping(self, id: int) -> Exchange[None]:
         return ping(check_id(id))
@@ -69,6 +74,7 @@ class Dynamixel1(Family):
     def identify(self, id: int) -> Procedure[Identity]:
         """Read model number, firmware and return level; a servo at level 0 answers PING alone (D-22)."""
         try:
+            # In all models of protocol 1.0 the model number is at 0, the version at 2, the return level at 16.
             data = yield from read_data(check_id(id), 0, 17)
         except NoReply:
             yield from ping(id)
@@ -114,13 +120,14 @@ class Dynamixel1(Family):
         (locked,) = yield from self.read(target, [target.model.register("lock")])
         if locked:
             names = ", ".join(register.name for register in registers)
+            open_ = open_while_locked(target.model)
             raise UsageError(
-                f"{target} is locked, so {names} cannot be written: until its power goes off only addresses 24 to 35 "
-                "(torque_enable to torque_limit) can; switch it off and on first"
+                f"{target} is locked, so {names} cannot be written: until its power goes off only addresses "
+                f"{open_[0]} to {open_[-1]} (torque_enable to torque_limit) can; switch it off and on first"
             )
 
     def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
-        names = ("present_position", "torque_enable", "cw_angle_limit", "ccw_angle_limit")
+        names = ("present_position", "torque_enable", "min_position", "max_position")
         rows = [target.model.register(name) for name in names]
         position, torque, low, high = yield from self.read(target, rows)
         return MotionStatus(rows[0].decode(position), bool(torque), low, high, turning=low == high == 0)
@@ -133,23 +140,17 @@ class Dynamixel1(Family):
             raise BadValue(f"{axis.target}: slower than {speed.show(slowest)} is not possible; go in steps")
 
     def start_moves(self, axes: Sequence[AxisMove]) -> Procedure[None]:
-        data = {axis.target.id: _goal_and_speed(axis) for axis in axes}
-        goal = _address(axes[0].target.model.register("goal_position"))
         if len(axes) == 1:
-            yield _write(axes[0].target, goal, data[axes[0].target.id], repeatable=True)
+            goal = _address(axes[0].target.model.register("goal_position"))
+            yield _write(axes[0].target, goal, _goal_and_speed(axes[0]), repeatable=True)
             return
-        most = (RX_BUFFER - 8) // 5
-        ids = list(data)
-        for start in range(0, len(ids), most):
-            yield from sync_write(goal, {id: data[id] for id in ids[start : start + most]})
+        yield from _sync_writes([(axis.target, _goal_and_speed(axis)) for axis in axes])
 
     def goals(self, goals: Mapping[ServoRef, int], time: float) -> list[Exchange[None]]:  # noqa: ARG002 - it has a speed
         """SYNC_WRITE, as many as 143 bytes each can hold (3-5-7)."""
-        data = [(target, raw.to_bytes(2, "little")) for target, raw in goals.items()]
-        most = (RX_BUFFER - 8) // 3
-        runs = [data[start : start + most] for start in range(0, len(data), most)]
-        address = _address(data[0][0].model.register("goal_position"))
-        return [sync_write(address, {target.id: part for target, part in run}) for run in runs]
+        return _sync_writes(
+            [(target, target.model.register("goal_position").layout.pack(raw)) for target, raw in goals.items()]
+        )
 
     def moving(self, target: ServoRef) -> Procedure[bool]:
         (moving,) = yield from self.read(target, [target.model.register("moving")])
@@ -159,12 +160,12 @@ class Dynamixel1(Family):
         model = target.model
         motion_status = yield from self.motion_status(target)
         if motion_status.turning:
-            yield from self.write(target, {model.register("moving_speed"): 0})
+            yield from self.put(target, {model.register("moving_speed"): 0}, keep=False)
             return
         (position,) = yield from self.read(target, [model.register("present_position")])
-        yield from self.write(target, {model.register("goal_position"): position})
+        yield from self.put(target, {model.register("goal_position"): position}, keep=False)
 
-    def torque(self, target: ServoRef, on: bool) -> Procedure[None]:
+    def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         model = target.model
         if on:
             motion_status = yield from self.motion_status(target)
@@ -185,7 +186,7 @@ class Dynamixel1(Family):
         alarms: Error = yield asking.mapped(lambda packet: Error(packet.code) & ALARMS)
         return alarms
 
-    def rearm(self, target: ServoRef) -> Procedure[None]:
+    def rearm(self, target: KnownServo) -> Procedure[None]:
         """End a shutdown: it has set Torque Limit to 0 and left Torque Enable on (3-4-1 Alarm Shutdown).
 
         So Torque Enable goes off first. Else the servo would run to its old goal as soon as it has its limit back.
@@ -211,7 +212,7 @@ class Dynamixel1(Family):
         if not (on and limited):
             raise BusError(f"{target}: the torque did not come on")
 
-    def turn(self, target: ServoRef, *, speed: float | None, output: float | None) -> Procedure[None]:
+    def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""
         if output is None or speed is not None:
             raise cannot(
@@ -220,8 +221,8 @@ class Dynamixel1(Family):
                 "endless turn has no speed control (3-4-3); give output=-1..1",
             )
         model = target.model
-        share = round(abs(check_output(output)) * 1023) | (0x400 if output < 0 else 0)
-        limits = {model.register("cw_angle_limit"): 0, model.register("ccw_angle_limit"): 0}
+        share = model.turn_scale.encode(check_output(output))
+        limits = {model.register("min_position"): 0, model.register("max_position"): 0}
         motion_status = yield from self.motion_status(target)
         if not motion_status.turning:
             # A speed left over from position mode would spin it as soon as the limits are 0.
@@ -229,35 +230,38 @@ class Dynamixel1(Family):
             yield from self.write(target, limits)
         yield from self._write_raw_speed(target, share)
 
-    def position_mode(self, target: ServoRef, limits: tuple[int, int] | None) -> Procedure[None]:
+    def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
         model = target.model
         motion_status = yield from self.motion_status(target)
         if not motion_status.turning and limits is None:
             return
-        low, high = limits or (0, 1023)
+        low, high = model.register("min_position"), model.register("max_position")
+        if limits is None:
+            limits = low.limits[0], high.limits[1]
         if motion_status.turning:
             yield from self._write_raw_speed(target, 0)
-        yield from self.write(target, {model.register("cw_angle_limit"): low, model.register("ccw_angle_limit"): high})
+        yield from self.write(target, {low: limits[0], high: limits[1]})
 
-    def led(self, target: ServoRef, colour: str) -> Procedure[None]:
+    def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in ("on", "off", "red"):
             raise BadValue(f"{target} has one red light: on or off, not {colour!r}")
         yield from self.write(target, {target.model.register("led"): int(colour != "off")})
 
-    def reboot(self, target: ServoRef) -> Procedure[None]:
+    def reboot(self, target: KnownServo) -> Procedure[None]:
         yield from ()  # a procedure without steps
         raise cannot(target, "be rebooted", "protocol 1.0 has no such instruction; switch its power off and on")
 
-    def reset(self, target: ServoRef, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+    def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         if keep:
             raise cannot(target, f"keep {', '.join(sorted(keep))}", "RESET restores everything, id and baud included")
         yield from reset(target.id, answered=_answers(target))
-        return 1, self.default_baud
+        factory_id = target.model.register("id").default
+        return target.id if factory_id is None else factory_id, target.model.factory_baud
 
-    def set_id(self, target: ServoRef, id: int) -> Procedure[None]:
+    def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
         yield from self.write(target, {target.model.register("id"): check_id(id)})
 
-    def set_baud(self, target: ServoRef, baud: int) -> Procedure[None]:
+    def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         register = target.model.register("baud")
         yield from self.write(target, {register: register.encode(baud)})
 
@@ -284,8 +288,18 @@ class Dynamixel1(Family):
         return (ReplyPattern(packet.id, None, (0,), certain=isinstance(message, Ping)),)
 
     def _write_raw_speed(self, target: ServoRef, raw: int) -> Procedure[None]:
-        address = _address(target.model.register("moving_speed"))
-        yield _write(target, address, raw.to_bytes(2, "little"), repeatable=True)
+        row = target.model.register("moving_speed")
+        yield _write(target, _address(row), row.layout.pack(raw), repeatable=True)
+
+
+DYNAMIXEL1 = Dynamixel1()
+"""The one instance, which all models share."""
+
+
+def open_while_locked(model: type[Model]) -> range:
+    """Give the addresses that can be written while Lock is on: Torque Enable to Torque Limit (3-4-2 Lock)."""
+    first, last = model.register("torque_enable"), model.register("torque_limit")
+    return range(_address(first), _address(last) + last.layout.size)
 
 
 def _write(target: ServoRef, address: int, data: bytes, *, repeatable: bool) -> Exchange[None]:
@@ -297,10 +311,23 @@ def _answers(target: ServoRef) -> bool:
 
 
 def _goal_and_speed(axis: AxisMove) -> bytes:
-    speed = axis.target.model.register("moving_speed")
+    goal, speed = (axis.target.model.register(name) for name in ("goal_position", "moving_speed"))
     raw = speed.scale.encode(axis.distance / axis.duration)
-    # 0 would mean full speed; above 1023 there is nothing to ask for.
-    return axis.goal.to_bytes(2, "little") + max(1, min(raw, 1023)).to_bytes(2, "little")
+    # 0 would mean full speed; above the highest code there is nothing to ask for.
+    return goal.layout.pack(axis.goal) + speed.layout.pack(max(1, min(raw, speed.limits[1])))
+
+
+def _sync_writes(parts: Sequence[tuple[ServoRef, bytes]]) -> list[Exchange[None]]:
+    """Give the SYNC_WRITEs that bring each servo its bytes from its goal position on, each as long as one can be."""
+    groups: dict[tuple[int, int], dict[int, bytes]] = {}
+    for target, data in parts:  # one packet writes the same addresses of all
+        groups.setdefault((_address(target.model.register("goal_position")), len(data)), {})[target.id] = data
+    packets = []
+    for (address, size), block in groups.items():
+        most, ids = (RX_BUFFER - 8) // (size + 1), list(block)
+        runs = [ids[start : start + most] for start in range(0, len(ids), most)]
+        packets += [sync_write(address, {id: block[id] for id in run}) for run in runs]
+    return packets
 
 
 def _asked(packet: Packet, request: Packet | None) -> Instruction | None:
@@ -321,11 +348,11 @@ def _say_instruction(message: Instruction, code: Code, model: type[Model] | None
     head = f"{code.name} {addressed(message.id)}"
     match message:
         case ReadData(_, address, length):
-            return f"{head}: {show_span(model, address, length)}"
+            return f"{head}: {show_span(model, TABLE, address, length)}"
         case WriteData(_, address, data) | RegWrite(_, address, data):
-            return f"{head}: {show_values(model, address, data)}"
+            return f"{head}: {show_values(model, TABLE, address, data)}"
         case SyncWrite(address, _, parts):
-            each = "; ".join(f"{servo(id)}: {show_values(model, address, data)}" for id, data in parts)
+            each = "; ".join(f"{servo(id)}: {show_values(model, TABLE, address, data)}" for id, data in parts)
             return f"{head}, for {id_list(id for id, _ in parts)}: {each}"
     return head
 
@@ -340,5 +367,5 @@ def _say_status(packet: Packet, asked: Instruction | None, model: type[Model] | 
     if not status.data:
         return text
     if isinstance(asked, ReadData):
-        return f"{text}, {show_values(model, asked.address, status.data)}"
+        return f"{text}, {show_values(model, TABLE, asked.address, status.data)}"
     return f"{text}, {show_bytes(status.data)}"

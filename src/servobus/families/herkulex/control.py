@@ -4,8 +4,8 @@
     speed error    -> PI                                             -> Min. PWM              -> Max. PWM -> output
 
 The order is H-115, an assumption, as the manual's picture of it has no text. Section and register (NO) numbers are
-those of the DRS-0602 manual. Units are the registers': pwm (1023 is the whole supply), position units of 0.02778
-degrees, speed units of 0.62 degrees/s (NO 55), registers raw.
+those of the DRS-0602 manual. Units are the registers': pwm (the highest Max. PWM is the whole supply), position units
+of 0.02778 degrees, speed units of 0.62 degrees/s (NO 55), registers raw.
 
 The manual prints the scales of the gains, not the times they count in. What makes the factory gains work, and what
 the factory gains of older models (440 and 8000 in 6-1) hint at, is assumed:
@@ -23,8 +23,6 @@ the factory gains of older models (440 and 8000 in 6-1) hint at, is assumed:
 from collections import deque
 from dataclasses import dataclass
 
-FULL = 1023
-"""pwm; NO 64 and NO 22: the output is never more."""
 UNIT = 11.2e-3
 """s in which Ki adds the error once; assumption, see above."""
 CHANGE = 0.8e-3
@@ -39,11 +37,23 @@ the output, so what cannot be reached is made up for later, as 6-5 warns (H-88).
 class PositionControl:
     """PID on the position error, with feed-forwards of the profile (NO 26 to 30)."""
 
-    __slots__ = ("_acceleration", "_before", "_d", "_i", "_p", "_speed", "_speed_before", "_sum", "_tick", "forward")
+    __slots__ = (
+        "_acceleration",
+        "_before",
+        "_d",
+        "_i",
+        "_p",
+        "_speed",
+        "_speed_before",
+        "_sum",
+        "_tick",
+        "forward",
+        "full",
+    )
 
-    def __init__(self, tick: float) -> None:
-        """Prepare for one call of `output` every `tick` seconds."""
-        self._tick = tick
+    def __init__(self, tick: float, full: int) -> None:
+        """Prepare for one call of `output` every `tick` seconds; `full` is the pwm that is the whole supply."""
+        self._tick, self.full = tick, full
         self.tune(0, 0, 0)
         self.reset()
 
@@ -72,7 +82,7 @@ class PositionControl:
         self._before = error
         wanted = self._p * error + self._d * (error - before)
         if self._i:
-            self._sum = max(-FULL, min(self._sum + self._i * error, FULL))
+            self._sum = max(-self.full, min(self._sum + self._i * error, self.full))
             wanted += self._sum
         if self.forward:
             wanted += self._speed * speed + self._acceleration * (speed - self._speed_before)
@@ -117,10 +127,10 @@ class Stages:
     offset remains. Fractions of a pwm are cut off towards 0 (assumption).
     """
 
-    dead_zone: int = 0  # position units
-    offset: int = 0  # pwm, signed
-    lowest: int = 0  # pwm
-    highest: int = FULL  # pwm
+    dead_zone: int  # position units
+    offset: int  # pwm, signed
+    lowest: int  # pwm
+    highest: int  # pwm
     saturator_offset: int = 0  # pwm
     saturator_slope: int = 0  # 1/256 pwm per position unit; 0 is no saturator
 

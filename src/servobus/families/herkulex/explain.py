@@ -1,11 +1,10 @@
 """HerkuleX packets in words. Packets and their sources: servobus.families.herkulex.protocol."""
 
-from servobus.core.registers import Area
-from servobus.core.units import show
+from servobus.core.units import Quantity, show
 from servobus.families.base import Model
 from servobus.families.explain import addressed, servo, show_bytes, show_span, show_values
+from servobus.families.herkulex.places import EEP, RAM
 from servobus.families.herkulex.protocol import (
-    JOG_SPEED,
     TICK,
     Ack,
     Code,
@@ -27,9 +26,9 @@ def say_request(message: Request, code: Code, model: type[Model] | None) -> str:
     head = f"{code.name} {addressed(message.id)}"
     match message:
         case EepRead(_, address, length) | RamRead(_, address, length):
-            return f"{head}: {show_span(model, address, length, _area(code))}"
+            return f"{head}: {show_span(model, _map(code), address, length)}"
         case EepWrite(_, address, data) | RamWrite(_, address, data):
-            return f"{head}: {show_values(model, address, data, _area(code))}"
+            return f"{head}: {show_values(model, _map(code), address, data)}"
         case IJog(_, jogs):
             each = (_say_jog(jog, f"playtime {show(jog.playtime * TICK, 's')}", model=model) for jog in jogs)
             return f"{head}: {', '.join(each)}"
@@ -47,7 +46,8 @@ def _say_jog(jog: Jog, *details: str, model: type[Model] | None) -> str:
     if jog.stop:
         does = "stops"
     elif jog.mode is ControlMode.INFINITE_TURN:
-        does = f"turns at {JOG_SPEED.show(JOG_SPEED.decode(jog.value))}"
+        scale: Quantity | None = model.turn_scale if model else None
+        does = f"turns at {scale.show(scale.decode(jog.value)) if scale else jog.value}"
     else:
         goal = model.register("goal_position") if model else None
         does = f"to {goal.show(goal.decode(jog.value)) if goal else jog.value}"
@@ -60,7 +60,7 @@ def _say_jog(jog: Jog, *details: str, model: type[Model] | None) -> str:
 def say_ack(ack: Ack, model: type[Model] | None) -> str:
     said = []
     if ack.code in (Code.EEP_READ, Code.RAM_READ) and len(ack.data) > 2 and len(ack.data) == ack.data[1] + 2:
-        said.append(show_values(model, ack.data[0], ack.data[2:], _area(ack.code)))
+        said.append(show_values(model, _map(ack.code), ack.data[0], ack.data[2:]))
     elif ack.data:
         said.append(show_bytes(ack.data))
     if ack.status_error:
@@ -70,6 +70,6 @@ def say_ack(ack: Ack, model: type[Model] | None) -> str:
     return f"ACK of {ack.code.name} from {servo(ack.id)}: {'; '.join(said) or 'ok'}"
 
 
-def _area(code: Code) -> Area:
+def _map(code: Code) -> str:
     """Tell which of the two maps a command is about."""
-    return Area.EEPROM if code in (Code.EEP_READ, Code.EEP_WRITE) else Area.RAM
+    return EEP if code in (Code.EEP_READ, Code.EEP_WRITE) else RAM

@@ -17,10 +17,9 @@ from collections.abc import Iterable
 
 from servobus.core.framing import Corrupt, Packet
 from servobus.core.ids import BROADCAST
-from servobus.core.registers import Access, Eep, EepRam, Ram
+from servobus.core.registers import Access
 from servobus.core.units import deg
 from servobus.families.herkulex.control import (
-    FULL,
     MEASURED,
     PositionControl,
     SpeedControl,
@@ -28,6 +27,7 @@ from servobus.families.herkulex.control import (
     Stages,
     Watchdog,
 )
+from servobus.families.herkulex.places import EEP, RAM
 from servobus.families.herkulex.protocol import (
     TICK,
     Ack,
@@ -54,8 +54,6 @@ from servobus.families.herkulex.protocol import (
     encode,
     parse_request,
 )
-from servobus.families.herkulex.verbs import Herkulex
-from servobus.virtual.device.memory import EEP, RAM
 from servobus.virtual.device.servo import Replies, VirtualServo
 from servobus.virtual.physics.trajectory import PlannedMove, Profile, Ramp, StepCounter, StopDetection, ramp_time
 
@@ -74,17 +72,16 @@ BOOT = 0.25
 BLINK = 0.25
 """s; assumption: how long the light is on at power-on (3-3 only says that it blinks once)."""
 
-STEPS = 0x8000
 WINDOW = 160 * deg
 """How far from the middle the potentiometer reaches: 320 degrees in all (2-2; which, is assumption EH-37)."""
-SET_TO = {Aux.RAW_0: 0, Aux.MINUS_180: 9903, Aux.CENTRE: 16384, Aux.PLUS_180: 22865, Aux.RAW_32767: 32767}
-"""What the choices of Aux 1 set Absolute Position to (NO 45)."""
+SET_TO = {Aux.MINUS_180: -180 * deg, Aux.CENTRE: 0.0, Aux.PLUS_180: 180 * deg}
+"""What angle the choices of Aux 1 set Absolute Position to (NO 45); RAW_0 and RAW_32767 are its ends."""
 WATCHED = StatusError.INPUT_VOLTAGE, StatusError.TEMPERATURE, StatusError.OVERLOAD
 CAUSES = StatusDetail(0x3C)
 """Bits of Status Detail that stay until they are cleared; the others show what is (4-2 NO 44)."""
 
 
-class HerkulexServo(VirtualServo, family=Herkulex):
+class HerkulexServo(VirtualServo):
     """Where the manual says nothing about motion, these assumptions hold.
 
     - A new profile starts where the present one is, even if the shaft is late; out of infinite turn, where
@@ -104,11 +101,14 @@ class HerkulexServo(VirtualServo, family=Herkulex):
     def start(self) -> None:
         rows = self.model.registers.values()
         self._rows = {
-            EEP: [(row.place.eep, row) for row in rows if isinstance(row.place, Eep | EepRam)],
-            RAM: [(row.place.ram, row) for row in rows if isinstance(row.place, Ram | EepRam)],
+            space: [(at, row) for row in rows if (at := row.place.within(space)) is not None] for space in (EEP, RAM)
         }
         scale = self.row("absolute_position").scale
-        self._counter = StepCounter(scale.decode(1) - scale.decode(0), scale.encode(0.0), STEPS)
+        self._steps: int = self.row("goal_position").limits[1] + 1
+        """Positions there are."""
+        self._full: int = self.row("max_pwm").limits[1]
+        """pwm that is full output (NO 64 and NO 22)."""
+        self._counter = StepCounter(scale.decode(1) - scale.decode(0), scale.encode(0.0), self._steps)
         self._place(Aux.POTENTIOMETER)  # H-4
         self._loops = 0
         self._goal = self.shaft.position
@@ -119,7 +119,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         count = round(self.shaft.position * self._per_step)
         self._stop = StopDetection(count)
         self._meter = Speedometer(self.tick, count)
-        self._position, self._turning = PositionControl(self.tick), SpeedControl(self.tick)
+        self._position, self._turning = PositionControl(self.tick, self._full), SpeedControl(self.tick)
         self._watches = {error: Watchdog() for error in WATCHED}
         self._driven = self._alert = False
         self._pwm = 0
@@ -149,6 +149,11 @@ class HerkulexServo(VirtualServo, family=Herkulex):
             return "green"  # assumption: the colour is not in the manual
         shown = Led(self.get("led_control"))
         return "+".join(colour.name.lower() for colour in Led if colour & shown and colour.name) or "off"
+
+    @property
+    def alarms(self) -> StatusError:
+        """What Status Error holds: each stays until a host clears it (H-19)."""
+        return StatusError(self.get("status_error"))
 
     @property
     def trajectory(self) -> float | None:
@@ -209,7 +214,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
 
     def _read(self, space: str, address: int, length: int) -> bytes:
         self._sense()
-        there = self.memory.eep if space == EEP else self.memory.ram
+        there = self.memory.space(space)
         if address + length > len(there):
             self._fault(StatusError.INVALID_PACKET, StatusDetail.EXCEED_REG_RANGE)  # H-15
             return b""
@@ -229,7 +234,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
 
         A single byte of two may be written (assumption): what both then make must be in range.
         """
-        image = bytearray(self.memory.eep if space == EEP else self.memory.ram)
+        image = bytearray(self.memory.space(space))
         end = address + len(data)
         if end > len(image):
             return None
@@ -260,7 +265,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         period = self._value("overload_detection_period")
         overload.limit = int(period / self.tick + 1e-6)
         # Without a period there is no output that would be too high (H-64).
-        self._too_high = self.get("overload_pwm_threshold") if period else FULL
+        self._too_high = self.get("overload_pwm_threshold") if period else self._full
         self._limits = tuple(  # what still reads as allowed
             self.row(name).scale.decode(1) * (self.get(name) + half)
             for name, half in (("min_voltage", -0.5), ("max_voltage", 0.5), ("max_temperature", 0.5))
@@ -288,7 +293,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
         self._measured("temperature", self.temperature)
         self.put("tick", self._loops // LOOPS & 0xFF)
         self.put("absolute_position", absolute)
-        self.put("calibrated_position", (absolute - self.get("calibration_difference")) % STEPS)
+        self.put("calibrated_position", (absolute - self.get("calibration_difference")) % self._steps)
         self._measured("differential_position", self._meter.way * self._slowest)
         self.put("pwm", self._pwm)
         self._measured("absolute_2nd_position", self._potentiometer)
@@ -335,8 +340,13 @@ class HerkulexServo(VirtualServo, family=Herkulex):
 
     def _place(self, choice: Aux) -> None:
         """Set Absolute Position anew (NO 45)."""
-        seen = self._potentiometer / self._counter.step + self._counter.zero
-        self._counter.place(self.shaft.position, SET_TO.get(choice, seen))
+        if choice in (Aux.RAW_0, Aux.RAW_32767):
+            steps: float = 0 if choice is Aux.RAW_0 else self._steps - 1
+        elif choice in SET_TO:
+            steps = self.row("absolute_position").scale.encode(SET_TO[choice])
+        else:
+            steps = self._potentiometer / self._counter.step + self._counter.zero
+        self._counter.place(self.shaft.position, steps)
 
     @property
     def _potentiometer(self) -> float:
@@ -383,14 +393,14 @@ class HerkulexServo(VirtualServo, family=Herkulex):
             self._fault(StatusError.POSITION_LIMIT)
             if not self._driven:
                 return
-        goal = max(0, min(value + self.get("calibration_difference"), STEPS - 1))
+        goal = max(0, min(value + self.get("calibration_difference"), self._steps - 1))
         self._goal = self._counter.angle(goal)
         self._begin(Profile(start, self._goal, duration, self._ramp_time(duration), speed))
 
     def _turn(self, jog: Jog, duration: float) -> None:
         """Change the speed; the playtime sets how long that takes (assumption EH-40)."""
         before = 0.0 if jog.no_override else self._speed
-        after: float = self.row("differential_position").decode(jog.value)  # same unit as in 6-5
+        after = self.model.turn_scale.decode(jog.value)
         self._begin(Ramp() if jog.stop else Ramp(before, after, self._ramp_time(duration)))
 
     @property
@@ -428,7 +438,7 @@ class HerkulexServo(VirtualServo, family=Herkulex):
                 error = round((setpoint - position) * self._per_step)
                 speed = course.speed / self._speed_unit if self._position.forward else 0.0
                 self._pwm = self._stages.position(self._position.output(error, speed), error)
-            shaft.drive(self._pwm / FULL)
+            shaft.drive(self._pwm / self._full)
         return 1
 
     def _check(self) -> None:

@@ -20,7 +20,7 @@ from servobus.core.exchange import Exchange, ReplyPattern, ack_only
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Int
-from servobus.core.units import Flags, Lookup, Quantity, deg, ms
+from servobus.core.units import Flags, Lookup, ms
 from servobus.core.values import frozen
 from servobus.errors import BadValue, Refused
 
@@ -44,8 +44,6 @@ BOOT_TIME = 0.5
 """Assumption: s for which a servo is deaf after REBOOT. Users report that it needs a delay, not how long."""
 BAUD = Lookup({0x10: 115_200, 1: 1_000_000, 0x22: 57_600, 2: 666_666, 3: 500_000, 4: 400_000, 7: 250_000, 9: 200_000})
 """Codes of the Baud Rate register (4-2 NO 5), most likely first."""
-JOG_SPEED = Quantity("rad/s", 0.62 * deg)
-"""Speed in infinite turn (6-5)."""
 
 
 class Code(IntEnum):
@@ -204,7 +202,7 @@ class Jog:
     """One servo's part of a JOG.
 
     id           the servo that obeys; 254 means all (6-6)
-    value        goal position 0 .. 32767, or in infinite turn the speed -16383 .. 16383 in 0.62°/s (EH-25)
+    value        goal position, or in infinite turn the speed -16383 .. 16383 in the unit of the model (EH-25)
     playtime     duration in units of 11.2 ms; only in I_JOG, S_JOG has one for all
     stop         end the motion
     invalid      do nothing

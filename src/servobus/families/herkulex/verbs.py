@@ -5,12 +5,12 @@ A JOG, the command that moves, sets the lights as well: without colours in it th
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
 from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack_only
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
-from servobus.core.registers import Area, Eep, EepRam, Ram, Register
+from servobus.core.registers import Area, Location, Register
 from servobus.core.units import show
 from servobus.errors import BadValue, BusError, NoReply, Refused
 from servobus.families.base import (
@@ -18,6 +18,7 @@ from servobus.families.base import (
     AxisMove,
     Family,
     Identity,
+    KnownServo,
     Model,
     MotionStatus,
     Reading,
@@ -30,14 +31,13 @@ from servobus.families.base import (
 )
 from servobus.families.explain import addressed
 from servobus.families.herkulex.explain import say_ack, say_request
+from servobus.families.herkulex.places import EEP, RAM
 from servobus.families.herkulex.protocol import (
     ACK,
     ACK_POLICY,
-    BAUD,
     BOOT_TIME,
     EEP_TIME,
     FRAMING,
-    JOG_SPEED,
     LONGEST_PLAYTIME,
     MAX_DATA,
     MOST_I_JOG,
@@ -85,15 +85,19 @@ class Herkulex(Family):
     name = "herkulex"
     title = "HerkuleX"
     framing = FRAMING
-    default_baud = 115_200
-    bauds = tuple(BAUD.codes.values())
     full_duplex = True
-    output_limit = "max_pwm"
-    brakes = True
-    turns_at_speed = True
-    max_move_time = LONGEST_PLAYTIME * TICK
-    # Torque Control is among what tells a restart; the light is not, for a JOG sets it. The id is no setting.
-    volatile = frozenset({"id", "status_error", "status_detail", "aux_1", "led_control"})
+    keepable = tuple(_KEEPS)
+    needs = (
+        "ack_policy", "baud_rate", "current_control_mode", "led_control", "max_pwm", "pwm", "status_detail",
+        "status_error", "torque_control", "torque_policy",
+    )  # fmt: skip
+
+    def check_model(self, model: type[Model]) -> None:
+        """Make sure that the two bytes of the model number say what the model says (NO 1 and 2)."""
+        bytes_ = {row.place.within(EEP): row for row in model.registers.values()}
+        said = [bytes_[at].default if at in bytes_ else None for at in (0, 1)]
+        if said != [*(model.number or 0).to_bytes(2)]:
+            raise TypeError(f"{model.title}: its rows say model number {said}, the model says {model.number:#06x}")
 
     def ping(self, id: int) -> Exchange[None]:
         """STAT: the one request that is always answered."""
@@ -116,11 +120,11 @@ class Herkulex(Family):
 
     def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         """Read from RAM what RAM has, the rest from EEP."""
-        return _reading(target, registers, [_acting(row) for row in registers])
+        return _reading(target, registers, [row.place.locations[0] for row in registers])
 
     def read_stored(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
         """Read from EEP what EEP has, the rest from RAM."""
-        return fetch(_reading(target, registers, [_kept(row) or _acting(row) for row in registers]))
+        return fetch(_reading(target, registers, [row.place.locations[-1] for row in registers]))
 
     def put(
         self, target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
@@ -132,16 +136,16 @@ class Herkulex(Family):
         """
         parts = []
         for row, raw in values.items():
-            spots = {_acting(row), _kept(row) or _acting(row)} if keep else {_acting(row)}
-            parts += [(spot, row.layout.pack(raw)) for spot in spots if spot[0] is Area.RAM or row not in same]
+            spots = row.place.locations if keep else row.place.locations[:1]
+            parts += [(spot, row.layout.pack(raw)) for spot in spots if spot[0] == RAM or row not in same]
         yield from _send(target, parts)
 
     def wears(self, register: Register[Any], *, keep: bool) -> bool:
         """EEP is written by `store`, and by `write` where RAM does not have the register."""
-        return isinstance(register.place, Eep | EepRam if keep else Eep)
+        return register.area is Area.EEPROM and (keep or not register.place.has_working_copy)
 
     def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
-        names = ("calibrated_position", "torque_control", "min_position", "max_position", "current_control_mode")
+        names = ("present_position", "torque_control", "min_position", "max_position", "current_control_mode")
         rows = [target.model.register(name) for name in names]
         position, torque, low, high, mode = yield from self.read(target, rows)
         on = torque == TorqueControl.ON
@@ -184,7 +188,7 @@ class Herkulex(Family):
         else:
             yield from _jog(target, Jog(target.id, _nearest(target, motion_status), stop=True))
 
-    def torque(self, target: ServoRef, on: bool) -> Procedure[None]:
+    def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         """Switch torque. The servo itself takes the present position as its goal (H-51).
 
         Raises Refused if the torque stays off: while an error of its Torque Policy stands the servo does not
@@ -203,7 +207,7 @@ class Herkulex(Family):
         pwm, limit = yield from self.read(target, rows)
         return abs(pwm) / limit if limit else 0.0
 
-    def brake(self, target: ServoRef) -> Procedure[None]:
+    def brake(self, target: KnownServo) -> Procedure[None]:
         """Torque Control 0x40 (5-2 RAM 52)."""
         yield from self.write(target, {target.model.register("torque_control"): TorqueControl.BRAKE})
 
@@ -211,7 +215,7 @@ class Herkulex(Family):
         """STAT: Status Error, in which every alarm stays until it is cleared (6-3 Example 2)."""
         return (yield from stat(target.id)).status_error
 
-    def rearm(self, target: ServoRef) -> Procedure[None]:
+    def rearm(self, target: KnownServo) -> Procedure[None]:
         """Clear Status Error and Status Detail, then switch the torque on: it takes the present position (H-51).
 
         What is wrong shows in Status Error only after ADC Fault Check Period, so supply and temperature are compared
@@ -221,7 +225,9 @@ class Herkulex(Family):
         if (yield from self.motion_status(target)).torque:
             yield from self._clear(target)
             return
-        names = ("torque_policy", "voltage", "min_voltage", "max_voltage", "temperature", "max_temperature")
+        names = (
+            "torque_policy", "present_voltage", "min_voltage", "max_voltage", "present_temperature", "max_temperature"
+        )  # fmt: skip
         policy, volts, low, high, celsius, hottest = yield from self.read(
             target, [model.register(name) for name in names]
         )
@@ -242,7 +248,7 @@ class Herkulex(Family):
         if not (yield from self.motion_status(target)).torque:
             raise BusError(f"{target}: the torque did not come on")
 
-    def _clear(self, target: ServoRef) -> Procedure[StatusError]:
+    def _clear(self, target: KnownServo) -> Procedure[StatusError]:
         """Write 0 to Status Error and Status Detail; give what stands there afterwards."""
         clear = {target.model.register(name): 0 for name in ("status_error", "status_detail")}
         yield from self.write(target, clear)
@@ -252,17 +258,18 @@ class Herkulex(Family):
             ack = yield from stat(target.id)
         return ack.status_error
 
-    def turn(self, target: ServoRef, *, speed: float | None, output: float | None) -> Procedure[None]:
+    def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Infinite turn, with controlled speed. Asked for more than it reaches, it obeys late (6-5)."""
         if speed is None or output is not None:
             raise cannot(target, "turn at a share of full output", "it controls its speed; give speed in rad/s")
-        fastest = JOG_SPEED.decode(SPEED_LAYOUT.range[1])
+        scale = target.model.turn_scale
+        fastest = scale.decode(SPEED_LAYOUT.range[1])
         if not abs(speed) <= fastest:  # so that NaN is refused too
             raise BadValue(f"{target}: speed {show(speed, 'rad/s')} is beyond {show(fastest, 'rad/s')}")
-        raw = JOG_SPEED.encode(speed)
+        raw = scale.encode(speed)
         yield from _jog(target, Jog(target.id, raw, ControlMode.INFINITE_TURN, playtime=_TURN_PLAYTIME))
 
-    def position_mode(self, target: ServoRef, limits: tuple[int, int] | None) -> Procedure[None]:
+    def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
         if limits is not None:
             low, high = (target.model.register(name) for name in ("min_position", "max_position"))
             yield from self.write(target, {low: limits[0], high: limits[1]})
@@ -279,14 +286,13 @@ class Herkulex(Family):
         if free:
             yield from self.torque(target, on=True)
 
-    def led(self, target: ServoRef, colour: str) -> Procedure[None]:
+    def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in _COLOURS:
             raise BadValue(f"{target} has no light {colour!r}, only {', '.join(_COLOURS)}")
         yield from self.write(target, {target.model.register("led_control"): _COLOURS[colour]})
 
-    def reboot(self, target: ServoRef) -> Procedure[None]:
-        if target.notes is not None:
-            target.notes.forget()
+    def reboot(self, target: KnownServo) -> Procedure[None]:
+        target.record.forget()
         try:
             yield from reboot(target.id, answered=_answers(target))
         except BusError:
@@ -294,7 +300,7 @@ class Herkulex(Family):
             raise
         yield Pause(BOOT_TIME)
 
-    def reset(self, target: ServoRef, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
+    def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         if unknown := keep - _KEEPS.keys():
             raise cannot(target, f"keep {', '.join(sorted(unknown))}", f"ROLLBACK can keep {', '.join(_KEEPS)}")
         id, baud = (target.model.register(name) for name in ("id", "baud_rate"))
@@ -311,7 +317,7 @@ class Herkulex(Family):
         yield from self.reboot(target)
         return new_id, baud.decode(code)
 
-    def set_id(self, target: ServoRef, id: int) -> Procedure[None]:
+    def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
         """Write EEP, then RAM, both under the old id: it changes with the second write (H-36).
 
         EEP is read back in between. So a servo that goes by the new id keeps it, and one that still goes by the old
@@ -322,18 +328,16 @@ class Herkulex(Family):
         if id != target.id:
             yield from self.put(target, {row: id}, keep=False)
 
-    def set_baud(self, target: ServoRef, baud: int) -> Procedure[None]:
+    def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         """Write EEP and restart: Baud Rate acts only then (H-37)."""
         register = target.model.register("baud_rate")
         yield from self._keep(target, register, register.encode(baud))
         yield Pause(EEP_TIME)
         yield from self.reboot(target)
 
-    def _keep(self, target: ServoRef, row: Register[Any], raw: int) -> Procedure[None]:
+    def _keep(self, target: KnownServo, row: Register[Any], raw: int) -> Procedure[None]:
         """Write one register to EEP and nowhere else, until it is there. Raises BusError if it does not get there."""
-        spot = _kept(row)
-        assert spot is not None
-        part = spot, row.layout.pack(raw)
+        part = row.place.locations[-1], row.layout.pack(raw)
         if target.answers is Answers.NOTHING:  # then nothing can be made sure of
             yield from _send(target, [part])
             return
@@ -341,9 +345,8 @@ class Herkulex(Family):
             (kept,) = yield from self.read_stored(target, [row])
             if kept == raw:
                 return
-            if target.notes is not None:
-                target.notes.check_wear(str(target), [row])
-                target.notes.wrote([row])
+            target.record.check_wear(str(target), [row])
+            target.record.wrote([row])
             yield from _send(target, [part])
         (kept,) = yield from self.read_stored(target, [row])
         if kept != raw:
@@ -380,40 +383,24 @@ class Herkulex(Family):
         return (ReplyPattern(packet.id, code, (2,), certain=False),)
 
 
-_Spot: TypeAlias = tuple[Area, int]
-"""An address in one of the two maps."""
+HERKULEX = Herkulex()
+"""The one instance, which all models share."""
 
 
-def _acting(register: Register[Any]) -> _Spot:
-    """Tell where a register acts: in RAM if RAM has it, else in EEP."""
-    match register.place:
-        case Ram(address) | EepRam(ram=address):
-            return Area.RAM, address
-        case Eep(address):
-            return Area.EEPROM, address
-    raise TypeError(f"{register} has no HerkuleX place")
-
-
-def _kept(register: Register[Any]) -> _Spot | None:
-    """Tell where a register survives power-off, if it does."""
-    place = register.place
-    return (Area.EEPROM, place.eep) if isinstance(place, Eep | EepRam) else None
-
-
-def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequence[_Spot]) -> Reading:
+def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequence[Location]) -> Reading:
     """Tell what to ask for registers that stand at the spots given."""
     if target.answers is Answers.NOTHING:
         raise cannot(target, "be read", "its ACK Policy is 0; write ack_policy first")
     wanted = list(zip(registers, spots, strict=True))
     exchanges: list[Exchange[bytes]] = []
-    found: dict[_Spot, tuple[int, int]] = {}
-    for area, read in ((Area.RAM, ram_read), (Area.EEPROM, eep_read)):
-        inside = [(address, row.layout.size) for row, (home, address) in wanted if home is area]
+    found: dict[Location, tuple[int, int]] = {}
+    for space, read in ((RAM, ram_read), (EEP, eep_read)):
+        inside = [(address, row.layout.size) for row, (home, address) in wanted if home == space]
         # A second exchange costs 20 bytes, request and frame of the ACK: rather bridge a gap of that size.
         spans = blocks(inside, gap=20, longest=MAX_DATA - 4)
         for address, _ in inside:
             n, at = within(spans, address)
-            found[area, address] = len(exchanges) + n, at
+            found[space, address] = len(exchanges) + n, at
         exchanges += [read(target.id, *span) for span in spans]
     places = []
     for row, spot in wanted:
@@ -422,17 +409,17 @@ def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequen
     return Reading(tuple(exchanges), tuple(places))
 
 
-def _send(target: ServoRef, parts: Iterable[tuple[_Spot, bytes]]) -> Procedure[None]:
+def _send(target: ServoRef, parts: Iterable[tuple[Location, bytes]]) -> Procedure[None]:
     """Write to EEP, then to RAM from the top down.
 
     So ID and ACK Policy, RAM 0 and 1, come last: what followed them would have to go by the new ones.
     """
-    maps: dict[Area, dict[int, bytes]] = {Area.EEPROM: {}, Area.RAM: {}}
-    for (area, address), data in parts:
-        maps[area][address] = data
-    for address, data in adjacent(maps[Area.EEPROM]):
+    maps: dict[str, dict[int, bytes]] = {EEP: {}, RAM: {}}
+    for (space, address), data in parts:
+        maps[space][address] = data
+    for address, data in adjacent(maps[EEP]):
         yield from eep_write(target.id, address, data, answered=_answers(target))
-    for address, data in reversed(adjacent(maps[Area.RAM])):
+    for address, data in reversed(adjacent(maps[RAM])):
         new_policy = address <= ACK_POLICY < address + len(data)
         yield from ram_write(target.id, address, data, answered=_answers(target) and not new_policy)
         if new_policy:
@@ -458,7 +445,7 @@ def _playtime(axis: AxisMove) -> int:
 
 
 def _raw_position(target: ServoRef, motion_status: MotionStatus) -> int:
-    return target.model.register("calibrated_position").scale.encode(motion_status.position)
+    return target.model.register("present_position").scale.encode(motion_status.position)
 
 
 def _nearest(target: ServoRef, motion_status: MotionStatus) -> int:

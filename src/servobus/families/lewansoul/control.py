@@ -10,7 +10,7 @@
 
 The maker tells nothing of this but the uniform speed, and users have measured no more than that motor mode is an
 output without a loop. So every number below is an assumption. They are chosen for the motor of
-`servobus.virtual.device.motor_data` at 7.4 V: without load the loop is damped well, with seven times its inertia
+`servobus.families.lewansoul.motors` at 7.4 V: without load the loop is damped well, with seven times its inertia
 still stable. The dead zone is what lets the shaft come to rest: with friction, a total that went on would hunt for
 ever.
 """

@@ -25,12 +25,11 @@ from typing import Any
 
 from servobus.core.framing import Corrupt, Packet
 from servobus.core.ids import BROADCAST
-from servobus.core.registers import Area, Pair, Register
+from servobus.core.registers import Area, Register
 from servobus.families.lewansoul.control import GAINS, LOCKED_TIME, UNIT, Follower
+from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import (
-    BAUD,
     FRAMING,
-    FULL_OUTPUT,
     Alarm,
     Command,
     Mode,
@@ -38,7 +37,6 @@ from servobus.families.lewansoul.protocol import (
     length_of,
     parse_request,
 )
-from servobus.families.lewansoul.verbs import Lewansoul
 from servobus.virtual.device.servo import Replies, VirtualServo
 
 TURN = 2 * math.pi
@@ -46,7 +44,6 @@ DELAY = 0.0005
 """s from a question to its answer; assumption: the manual says "immediately", drivers wait 20 to 30 ms in all."""
 FLASH = 0.5
 """s; assumption: one on and off of a light that flashes."""
-MILLISECOND = 0.001
 BACK_TIME = 0.1
 """s that the voltage has to be good again; assumption."""
 LOOK = 50
@@ -57,7 +54,7 @@ _parse = lru_cache(maxsize=16)(parse_request)
 """All servos of a line hear the same broadcast."""
 
 
-class LewansoulServo(VirtualServo, family=Lewansoul):
+class LewansoulServo(VirtualServo):
     """Angles: `shaft.position` is where the shaft is, offset included (L-45); 0 is position 0 at offset 0."""
 
     tick = 0.002
@@ -90,7 +87,7 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
             assert isinstance(row.place, Pair)
             self._rows.setdefault(Command(row.place.read), []).append(row)
         self.id = self.get("id")
-        self.baud = BAUD
+        self.baud = self.model.factory_baud
         self._late = None
         self._waiting = False
         self._follower = Follower(self.gains, self.tick, self.shaft.position)
@@ -349,7 +346,7 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
     @property
     def output(self) -> float:
         """Share of full output in motor mode, with direction. Assumption: forward is to higher positions."""
-        return self.get("motor_speed") / FULL_OUTPUT if self.torque else 0.0
+        return self.model.turn_scale.decode(self.get("motor_speed")) if self.torque else 0.0
 
     @property
     def present(self) -> int:
@@ -381,7 +378,7 @@ class LewansoulServo(VirtualServo, family=Lewansoul):
         follower.target = self.shaft.position + distance
         if time:
             follower.point = self.shaft.position  # L-30
-            follower.speed = abs(distance) / (time * MILLISECOND)
+            follower.speed = abs(distance) / self.row("goal_time").decode(time)
         else:
             follower.point = follower.target  # L-32
 

@@ -6,14 +6,15 @@ from typing import Any
 from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack_only
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
-from servobus.core.registers import Area, Pair, Register
-from servobus.core.units import Flags
+from servobus.core.registers import Area, Register
+from servobus.core.units import Flags, deg
 from servobus.errors import BadValue, BusError, Refused
 from servobus.families.base import (
     Answers,
     AxisMove,
     Family,
     Identity,
+    KnownServo,
     Model,
     MotionStatus,
     Reading,
@@ -22,10 +23,9 @@ from servobus.families.base import (
     check_output,
 )
 from servobus.families.explain import addressed, show_value
+from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import (
-    BAUD,
     FRAMING,
-    FULL_OUTPUT,
     Alarm,
     Answer,
     Command,
@@ -49,8 +49,8 @@ from servobus.families.lewansoul.protocol import (
 WATCH = 0.05
 """s between the two looks that tell whether a servo moves."""
 
-FAR = 20
-"""Units (4.8°) from its goal from which on a servo that stands still is taken to be blocked; assumption."""
+FAR = 4.9 * deg
+"""Way from its goal from which on a servo that stands still is taken to be blocked; assumption."""
 
 _LIMITS = (Command.SERVO_ANGLE_LIMIT_WRITE, Command.SERVO_VIN_LIMIT_WRITE)
 """The lower value must be below the upper (points 12, 14); else the servo ignores both in silence (L-47)."""
@@ -60,13 +60,7 @@ class Lewansoul(Family):
     name = "lewansoul"
     title = "LewanSoul bus servo protocol"
     framing = FRAMING
-    default_baud = BAUD
-    bauds = (BAUD,)
-    max_move_time = 30.0
-    motion_registers = frozenset({"mode", "motor_speed"})
-    volatile = frozenset(
-        {"goal_position", "goal_time", "wait_goal_position", "wait_goal_time", "mode", "motor_speed"}
-    )  # a move and a mode are given by other ways too
+    needs = ("goal_time", "led", "mode", "motor_speed")
 
     def ping(self, id: int) -> Exchange[None]:
         return question(check_id(id), Command.SERVO_ID_READ, ack_only)
@@ -140,7 +134,7 @@ class Lewansoul(Family):
         if (yield from self._mode(target)) == Mode.MOTOR:
             yield from mode_write(target.id, Mode.MOTOR, 0)
 
-    def torque(self, target: ServoRef, on: bool) -> Procedure[None]:
+    def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         """Nothing jumps: a servo that is loaded holds the angle at which it is (L-70, assumption)."""
         yield from self.write(target, {target.model.register("torque_enable"): int(on)})
 
@@ -149,7 +143,8 @@ class Lewansoul(Family):
         names = ("torque_enable", "mode", "goal_position", "present_position")
         rows = [target.model.register(name) for name in names]
         torque, mode, goal, here = yield from self.read(target, rows)
-        return float(torque and mode == Mode.POSITION and abs(goal - here) > FAR)
+        way = abs(rows[2].decode(goal) - rows[3].decode(here))
+        return float(torque and mode == Mode.POSITION and way > FAR)
 
     def read_alarms(self, target: ServoRef) -> Procedure[Alarm]:
         """Compare temperature and supply with their limits: no packet tells the alarms, and none a locked rotor."""
@@ -163,7 +158,7 @@ class Lewansoul(Family):
             alarms |= Alarm.OVER_VOLTAGE
         return alarms
 
-    def rearm(self, target: ServoRef) -> Procedure[None]:
+    def rearm(self, target: KnownServo) -> Procedure[None]:
         """Unload, make the present position the goal, load: of itself it would go on with its last move (16).
 
         What became of a move that was given without torque is not said (L-69): the one to where it is replaces it.
@@ -186,14 +181,14 @@ class Lewansoul(Family):
         if not (yield from self.motion_status(target)).torque:
             raise BusError(f"{target}: the torque did not come on")
 
-    def turn(self, target: ServoRef, *, speed: float | None, output: float | None) -> Procedure[None]:
+    def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Motor mode: the "speed" of the manual is a duty, nothing measures how fast it turns."""
         if output is None or speed is not None:
             raise cannot(target, "turn at a given speed", "motor mode has no speed control; give output=-1..1")
-        duty = round(check_output(output) * FULL_OUTPUT)
+        duty = target.model.register("motor_speed").encode(check_output(output))
         yield from mode_write(target.id, Mode.MOTOR, duty)
 
-    def position_mode(self, target: ServoRef, limits: tuple[int, int] | None) -> Procedure[None]:
+    def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
         """Motor mode leaves the angle limits alone, so `limits` are written only where they are given."""
         if limits is not None:
             rows = (target.model.register("min_position"), target.model.register("max_position"))
@@ -201,27 +196,27 @@ class Lewansoul(Family):
         if (yield from self._mode(target)) == Mode.MOTOR:
             yield from mode_write(target.id, Mode.POSITION)
 
-    def led(self, target: ServoRef, colour: str) -> Procedure[None]:
+    def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in ("on", "off"):
             raise BadValue(f"{target} has one light: on or off, not {colour!r}")
         led = target.model.register("led")
         yield from self.write(target, {led: led.encode(colour == "on")})
 
-    def reboot(self, target: ServoRef) -> Procedure[None]:
+    def reboot(self, target: KnownServo) -> Procedure[None]:
         yield from ()  # a procedure without steps
         raise cannot(target, "be rebooted", "the protocol has no such command; switch its power off and on")
 
-    def reset(self, target: ServoRef, keep: frozenset[str]) -> Procedure[tuple[int, int]]:  # noqa: ARG002
+    def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:  # noqa: ARG002
         yield from ()  # a procedure without steps
         why = "the protocol has no such command; restore a backup, or set the registers one by one"
         raise cannot(target, "be reset", why)
 
-    def set_id(self, target: ServoRef, id: int) -> Procedure[None]:
+    def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
         yield from self.write(target, {target.model.register("id"): check_id(id)})
 
-    def set_baud(self, target: ServoRef, baud: int) -> Procedure[None]:
+    def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         yield from ()  # a procedure without steps
-        raise cannot(target, f"talk at {baud} baud", f"its speed is fixed at {BAUD} (manual 2)")
+        raise cannot(target, f"talk at {baud} baud", f"its speed is fixed at {target.model.factory_baud} (manual 2)")
 
     def explain(
         self,
@@ -273,6 +268,10 @@ class Lewansoul(Family):
             return bytearray(length_of(command.params))
         old = yield from _parameters(target.id, _pair(next(iter(group))).read)
         return bytearray(old)
+
+
+LEWANSOUL = Lewansoul()
+"""The one instance, which all models share."""
 
 
 def _pair(register: Register[Any]) -> Pair:

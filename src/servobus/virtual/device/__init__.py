@@ -1,0 +1,1 @@
+"""One virtual servo: its memory, its firmware by name, its state file."""

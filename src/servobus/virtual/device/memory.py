@@ -1,43 +1,25 @@
 """The memory of a virtual servo: what its registers hold, and what of that survives power-off.
 
 Every register has a working value, which the firmware obeys, and may have a stored value, which outlives
-a power cycle. Where the two lie depends on the place of the row, and on nothing else:
-
-    place      working value        stored value
-    Address    table                the same bytes, if the row is in the EEPROM area
-    EepRam     ram                  eep
-    Eep        eep                  the same bytes
-    Ram        ram                  none
-    Pair       ram, in row order    eep, if the row is in the EEPROM area
-
-Pair rows have no addresses of their own (LewanSoul): each simply gets the next free ones.
+a power cycle. Where the two lie depends on the place of the row: at its first location the working value, at its last
+one the stored value, if the row is in the EEPROM area. Where a place has one location, both are the same bytes.
 """
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from servobus.core.registers import Access, Address, Area, Eep, EepRam, Ram, Register
+from servobus.core.registers import Access, Area, Location, Register
 from servobus.errors import BadValue
-from servobus.families.base import Model
-
-TABLE, EEP, RAM = "table", "eep", "ram"
+from servobus.families.model import Model
 
 
 @dataclass(frozen=True, slots=True)
-class Slot:
-    """Where one value lies: a space and the offset in it."""
+class Slots:
+    """Where the two values of a register lie: the map, and the offset in it."""
 
-    space: str
-    at: int
-
-
-@dataclass(frozen=True, slots=True)
-class Places:
-    """Where the two values of a register lie."""
-
-    working: Slot
-    stored: Slot | None
+    working: Location
+    stored: Location | None
 
 
 class Memory:
@@ -50,21 +32,16 @@ class Memory:
         self.model = model
         self.on_store: Callable[[], None] = _nothing
         self.eeprom = Stored(self)
-        self._places = _places(model)
-        ends = [
-            (slot.space, slot.at + row.layout.size)
-            for row in model.registers.values()
-            for slot in (self._places[row].working, self._places[row].stored)
-            if slot is not None
-        ]
-        self._spaces = {
-            space: bytearray(max((end for name, end in ends if name == space), default=0))
-            for space in (TABLE, EEP, RAM)
-        }
+        self._slots = {row: _slots(row) for row in model.registers.values()}
+        sizes: dict[str, int] = {}
+        for row, slots in self._slots.items():
+            for space, at in filter(None, (slots.working, slots.stored)):
+                sizes[space] = max(sizes.get(space, 0), at + row.layout.size)
+        self._spaces = {space: bytearray(size) for space, size in sizes.items()}
         self._persistent = {
-            (slot.space, slot.at + i)
-            for row, places in self._places.items()
-            if (slot := places.stored) is not None
+            (space, at + i)
+            for row, slots in self._slots.items()
+            for space, at in filter(None, (slots.stored,))
             for i in range(row.layout.size)
         }
         self.factory_reset()
@@ -73,11 +50,12 @@ class Memory:
     # By register
 
     def __getitem__(self, register: Register[Any]) -> int:
-        return self._get(register, self._places[register].working)
+        register = self.model.own(register)
+        return self._get(register, self._slots[register].working)
 
     def __setitem__(self, register: Register[Any], raw: int) -> None:
-        slot = self._places[register].working
-        self.write(slot.space, slot.at, register.layout.pack(raw))
+        register = self.model.own(register)
+        self.write(*self._slots[register].working, register.layout.pack(raw))
 
     def store(self, register: Register[Any], raw: int) -> None:
         """Set the working and the stored value."""
@@ -86,20 +64,13 @@ class Memory:
 
     # By address
 
-    @property
-    def table(self) -> bytes:
-        """The one address space of a Dynamixel."""
-        return bytes(self._spaces[TABLE])
+    def space(self, name: str) -> bytes:
+        """Give all bytes of a map, as `Place.locations` names it."""
+        return bytes(self._spaces[name])
 
-    @property
-    def eep(self) -> bytes:
-        """The non-volatile map of a HerkuleX."""
-        return bytes(self._spaces[EEP])
-
-    @property
-    def ram(self) -> bytes:
-        """The volatile map of a HerkuleX."""
-        return bytes(self._spaces[RAM])
+    def image(self) -> dict[str, bytes]:
+        """Give all bytes of all maps, to tell whether anything has changed."""
+        return {name: bytes(space) for name, space in self._spaces.items()}
 
     def write(self, space: str, address: int, data: bytes) -> None:
         """Put bytes into a space: the caller has checked that they may go there."""
@@ -113,10 +84,10 @@ class Memory:
 
     def power_on(self) -> None:
         """Give every register its stored value, or its default where nothing is stored."""
-        for row, places in self._places.items():
-            if places.stored is None:
+        for row, slots in self._slots.items():
+            if slots.stored is None:
                 self[row] = row.default or 0
-            elif places.stored != places.working:
+            elif slots.stored != slots.working:
                 self[row] = self.eeprom[row]
 
     def factory_reset(self, keep: Collection[Register[Any]] = ()) -> None:
@@ -124,8 +95,8 @@ class Memory:
         before = self.on_store
         self.on_store = _nothing  # one change, not one for each register
         try:
-            for row, places in self._places.items():
-                if places.stored is not None and row not in keep:
+            for row, slots in self._slots.items():
+                if slots.stored is not None and row not in keep:
                     self.eeprom[row] = row.default or 0
         finally:
             self.on_store = before
@@ -150,16 +121,16 @@ class Memory:
     def _settable(self) -> dict[str, Register[Any]]:
         return {
             row.name: row
-            for row, places in self._places.items()
-            if places.stored is not None and row.access is Access.READ_WRITE
+            for row, slots in self._slots.items()
+            if slots.stored is not None and row.access is Access.READ_WRITE
         }
 
-    def _get(self, register: Register[Any], slot: Slot) -> int:
-        space, end = self._spaces[slot.space], slot.at + register.layout.size
-        return register.layout.unpack(bytes(space[slot.at : end]))
+    def _get(self, register: Register[Any], slot: Location) -> int:
+        space, at = slot
+        return register.layout.unpack(bytes(self._spaces[space][at : at + register.layout.size]))
 
-    def _stored_slot(self, register: Register[Any]) -> Slot:
-        slot = self._places[register].stored
+    def _stored_slot(self, register: Register[Any]) -> Location:
+        slot = self._slots[register].stored
         if slot is None:
             raise BadValue(f"{register.model} {register.name} is lost at power-off: nothing of it is stored")
         return slot
@@ -172,32 +143,17 @@ class Stored:
         self._memory = memory
 
     def __getitem__(self, register: Register[Any]) -> int:
+        register = self._memory.model.own(register)
         return self._memory._get(register, self._memory._stored_slot(register))
 
     def __setitem__(self, register: Register[Any], raw: int) -> None:
-        slot = self._memory._stored_slot(register)
-        self._memory.write(slot.space, slot.at, register.layout.pack(raw))
+        register = self._memory.model.own(register)
+        self._memory.write(*self._memory._stored_slot(register), register.layout.pack(raw))
 
 
-def _places(model: type[Model]) -> dict[Register[Any], Places]:
-    """Find the places of all registers of a model."""
-    places: dict[Register[Any], Places] = {}
-    free = 0
-    for row in model.registers.values():
-        match row.place:
-            case Address(address):
-                slot = Slot(TABLE, address)
-                places[row] = Places(slot, slot if row.area is Area.EEPROM else None)
-            case EepRam(eep, ram):
-                places[row] = Places(Slot(RAM, ram), Slot(EEP, eep))
-            case Eep(eep):
-                places[row] = Places(Slot(EEP, eep), Slot(EEP, eep))
-            case Ram(ram):
-                places[row] = Places(Slot(RAM, ram), None)
-            case _:
-                places[row] = Places(Slot(RAM, free), Slot(EEP, free) if row.area is Area.EEPROM else None)
-                free += row.layout.size
-    return places
+def _slots(row: Register[Any]) -> Slots:
+    locations = row.place.locations
+    return Slots(locations[0], locations[-1] if row.area is Area.EEPROM else None)
 
 
 def _nothing() -> None:

@@ -1,25 +1,26 @@
 """A servo that is not there: registers, firmware and a shaft.
 
     memory    what its registers hold
-    firmware  how it answers packets and what it commands: one subclass for each family
+    firmware  how it answers packets and what it commands: a subclass, which the model names
     shaft     how the output follows
 
 Nothing here has a clock or a thread. Whoever owns a servo tells it the time: `advance(now)` before
 anything is observed or heard, and as often or as rarely as pleases; the firmware counts its own ticks.
 """
 
-import importlib
 import math
 from abc import ABC, abstractmethod
+from enum import IntFlag
 from typing import Any, ClassVar, TypeAlias
 
 from servobus.core.framing import Corrupt, Packet
 from servobus.core.ids import check_id
 from servobus.core.registers import Register
 from servobus.errors import BadValue, UnknownName, UsageError
-from servobus.families.base import Family, Model
+from servobus.families.model import Model
 from servobus.virtual.device.memory import Memory
-from servobus.virtual.device.motor_data import motor
+from servobus.virtual.device.motors import motor
+from servobus.virtual.device.references import resolve
 from servobus.virtual.physics.motor import no_load_speed
 from servobus.virtual.physics.shaft import Rail, Shaft
 
@@ -31,7 +32,7 @@ ROOM_TEMPERATURE = 25.0
 
 
 class VirtualServo(ABC):
-    """A servo of some family. Subclass it with `family=` to give a family its firmware.
+    """A servo of some family. A subclass is the firmware of the models that name it, see `Model.firmware`.
 
     What the firmware listens to is kept in plain attributes, because the line sorts servos by them:
 
@@ -43,18 +44,9 @@ class VirtualServo(ABC):
 
     tick: ClassVar[float]
     """Seconds between two runs of the control loop."""
-    family: ClassVar[type[Family]]
-    _kinds: ClassVar[dict[type[Family], type["VirtualServo"]]] = {}
-
     id: int
     baud: float
     garbage_timeout: float
-
-    def __init_subclass__(cls, family: type[Family] | None = None, **kwargs: Any) -> None:
-        super().__init_subclass__(**kwargs)
-        if family is not None:
-            cls.family = family
-            VirtualServo._kinds[family] = cls
 
     def __init__(
         self,
@@ -73,7 +65,7 @@ class VirtualServo(ABC):
         voltage      supply in V; the model's nominal voltage by default
         temperature  of the case, degC
         position     of the shaft, rad; `home` by default
-        motor_set    name of a set of motor data in servobus.virtual.device.motor_data; the manual's by default
+        motor_set    name of a set of motor data, see `Model.motors`; the first by default
         """
         low, high = model.sheet.voltage
         self.model = model
@@ -119,6 +111,11 @@ class VirtualServo(ABC):
     @abstractmethod
     def led(self) -> str:
         """What the light shows now: "off", "red", "green+blue" ..."""
+
+    @property
+    def alarms(self) -> IntFlag | None:
+        """What is wrong with it, as its family's flags; None for firmware that knows no alarms."""
+        return None
 
     @property
     def home(self) -> float:
@@ -198,12 +195,11 @@ class VirtualServo(ABC):
 
     def store_baud(self, baud: int) -> None:
         """Set the speed as if a host had stored it before, and start again. Raises BadValue."""
-        try:
-            register = self.model.register("baud")
-        except UnknownName:
-            if baud != self.model.family.default_baud:
-                title, only = self.model.title, self.model.family.default_baud
-                raise BadValue(f"{title} has one speed, {only} baud, and cannot be set to {baud}") from None
+        register = self.model.optional("baud")
+        if register is None:
+            title, only = self.model.title, self.model.factory_baud
+            if baud != only:
+                raise BadValue(f"{title} has one speed, {only} baud, and cannot be set to {baud}")
             return
         self.memory.store(register, register.encode(baud))
         self.power_on(self.time)
@@ -233,14 +229,13 @@ def virtual_servo(
     now: float = 0.0,
 ) -> VirtualServo:
     """Make a virtual servo of any model; see `VirtualServo` for the arguments."""
-    kind = _firmware(type(model.family))
+    kind = firmware(model)
     return kind(model, id, voltage=voltage, temperature=temperature, position=position, motor_set=motor_set, now=now)
 
 
-def _firmware(family: type[Family]) -> type[VirtualServo]:
-    """Find the firmware of a family: that of servobus.families.x is in its folder."""
-    if family not in VirtualServo._kinds and family.__module__.startswith("servobus.families."):
-        importlib.import_module(f"{family.__module__.rpartition('.')[0]}.firmware")
-    if family not in VirtualServo._kinds:
-        raise UnknownName(f"there is no virtual servo for {family.title}")
-    return VirtualServo._kinds[family]
+def firmware(model: type[Model]) -> type[VirtualServo]:
+    """Find the class that is the firmware of a model. Raises UnknownName for a model that names none."""
+    if not model.firmware:
+        raise UnknownName(f"there is no virtual servo for {model.title}")
+    kind: type[VirtualServo] = resolve(model.firmware, f"the firmware of {model.title}")
+    return kind

@@ -1,8 +1,6 @@
 """What can be seen of a virtual servo at one moment, for whoever shows or records it."""
 
 from dataclasses import dataclass
-from enum import IntFlag
-from typing import Any
 
 from servobus.core.units import Flags
 from servobus.virtual.device.servo import VirtualServo
@@ -29,7 +27,7 @@ class VirtualSnapshot:
     errors: tuple[str, ...]
 
 
-def glance(servo: VirtualServo) -> VirtualSnapshot:
+def take_snapshot(servo: VirtualServo) -> VirtualSnapshot:
     """Look at a servo. It shows the time up to which it was advanced."""
     shaft = servo.shaft
     return VirtualSnapshot(
@@ -50,10 +48,6 @@ def glance(servo: VirtualServo) -> VirtualSnapshot:
 
 
 def errors(servo: VirtualServo) -> tuple[str, ...]:
-    """Name what a servo has to complain about: by its status register, or what its firmware knows."""
-    register = servo.model.registers.get("status_error")
-    flags: Any = getattr(servo, "alarms", 0) if register is None else register.decode(servo.memory[register])
-    if not flags:
-        return ()
-    kind: type[IntFlag] = type(flags)
-    return tuple(Flags(kind).show(flags).replace("_", " ").split("+"))
+    """Name what a servo has to complain about."""
+    flags = servo.alarms
+    return tuple(Flags(type(flags)).show(flags).replace("_", " ").split("+")) if flags else ()

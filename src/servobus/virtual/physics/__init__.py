@@ -1,0 +1,1 @@
+"""Motor, gear, shaft and load, in plain numbers."""

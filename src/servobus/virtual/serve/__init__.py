@@ -1,0 +1,1 @@
+"""Virtual servos as ports: in this process, on a pseudo terminal, over TCP."""

@@ -33,8 +33,8 @@ class Rig:
 
     @property
     def default_baud(self) -> int:
-        """The factory speed of the first family."""
-        return self.lines[0].family.default_baud
+        """The factory speed of the first servo."""
+        return self.lines[0].servos[0].model.factory_baud
 
     @property
     def client_baud(self) -> float | None:

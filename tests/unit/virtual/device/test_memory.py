@@ -1,9 +1,12 @@
 import pytest
 
+from servobus.core.registers import Access, Area
 from servobus.errors import BadValue
 from servobus.families.base import Model
+from servobus.families.dynamixel.places import TABLE
+from servobus.families.herkulex.places import EEP, RAM
 from servobus.families.registry import DRS0602, LX16A, MODELS, RX28
-from servobus.virtual.device.memory import EEP, RAM, TABLE, Memory
+from servobus.virtual.device.memory import Memory
 
 
 @pytest.fixture(params=list(MODELS.values()), ids=list(MODELS))
@@ -29,7 +32,11 @@ def test_ram_is_lost_and_eeprom_kept(any_memory: Memory) -> None:
     for name in stored:
         row = any_memory.model.registers[name]
         any_memory.store(row, row.limits[1])
-    volatile = any_memory.model.register("goal_time" if any_memory.model is LX16A else "torque_enable")
+    volatile = next(
+        row
+        for row in any_memory.model.registers.values()
+        if row.area is Area.RAM and row.default == 0 and row.access is Access.READ_WRITE and row.accepts(1)
+    )
     any_memory[volatile] = 1
     any_memory.power_on()
     assert any_memory[volatile] == (volatile.default or 0)
@@ -40,9 +47,9 @@ def test_ram_is_lost_and_eeprom_kept(any_memory: Memory) -> None:
 
 def test_dynamixel_has_one_table() -> None:
     memory = Memory(RX28)
-    assert len(memory.table) == 50
+    assert len(memory.space(TABLE)) == 50
     memory[RX28.goal_position] = 0x1234 & 0x3FF
-    assert memory.table[30:32] == b"\x34\x02"
+    assert memory.space(TABLE)[30:32] == b"\x34\x02"
     memory.write(TABLE, 8, b"\x34\x02")
     assert memory[RX28.ccw_angle_limit] == memory.eeprom[RX28.ccw_angle_limit] == 0x234
 
@@ -50,13 +57,13 @@ def test_dynamixel_has_one_table() -> None:
 def test_sign_and_magnitude() -> None:
     memory = Memory(RX28)
     memory[RX28.present_speed] = -100
-    assert memory.table[38:40] == (100 | 0x400).to_bytes(2, "little")
+    assert memory.space(TABLE)[38:40] == (100 | 0x400).to_bytes(2, "little")
     assert memory[RX28.present_speed] == -100
 
 
 def test_herkulex_has_two_maps() -> None:
     memory = Memory(DRS0602)
-    assert (len(memory.eep), len(memory.ram)) == (54, 74)
+    assert (len(memory.space(EEP)), len(memory.space(RAM))) == (54, 74)
     memory.write(EEP, 6, b"\x07")
     assert (memory[DRS0602.id], memory.eeprom[DRS0602.id]) == (219, 7)
     memory.write(RAM, 0, b"\x09")

@@ -2,9 +2,9 @@ import pytest
 
 from servobus.core.units import deg
 from servobus.errors import BadValue, UnknownName, UsageError
-from servobus.families.dynamixel.verbs import Dynamixel1
+from servobus.families.dynamixel.firmware import Dynamixel1Servo
+from servobus.families.dynamixel.motors import RX28_FRICTION
 from servobus.families.registry import LX16A, RX28
-from servobus.virtual.device.motor_data import RX28_FRICTION
 from servobus.virtual.device.servo import VirtualServo, virtual_servo
 from servobus.virtual.physics.motor import Load, no_load_speed
 from servobus.virtual.physics.shaft import Rail, Shaft
@@ -18,9 +18,9 @@ def moving(position: float = 0.0) -> VirtualServo:
     return servo
 
 
-def test_the_family_decides_the_firmware() -> None:
+def test_the_model_decides_the_firmware() -> None:
     servo = virtual_servo(RX28, 7, voltage=12.5, temperature=40.0, position=1.0)
-    assert servo.family is Dynamixel1
+    assert type(servo) is Dynamixel1Servo
     assert (servo.id, servo.voltage, servo.temperature, servo.position) == (7, 12.5, 40.0, 1.0)
     assert (servo.powered, servo.torque, servo.model) == (True, False, RX28)
 
@@ -36,15 +36,42 @@ def test_ids_are_checked() -> None:
         virtual_servo(RX28, 254)
 
 
-def test_a_family_without_firmware() -> None:
-    class Strange(Dynamixel1):
+def test_a_model_without_firmware() -> None:
+    class Strange(RX28):
         title = "Strange"
+        firmware = ""
 
-    class Model(RX28):
-        family = Strange()
+    with pytest.raises(UnknownName, match="no virtual servo for Strange"):
+        virtual_servo(Strange, 1)
 
-    with pytest.raises(UnknownName, match="Strange"):
-        virtual_servo(Model, 1)
+
+@pytest.mark.parametrize(
+    ("reference", "missing"),
+    [
+        ("servobus.nowhere:Servo", "no module servobus.nowhere"),
+        ("servobus.families.dynamixel.firmware:Nothing", "no 'Nothing'"),
+    ],
+)
+def test_firmware_that_is_not_where_the_model_says(reference: str, missing: str) -> None:
+    class Strange(RX28):
+        title = "Strange"
+        firmware = reference
+
+    with pytest.raises(UnknownName, match=missing):
+        virtual_servo(Strange, 1)
+
+
+def test_two_models_of_one_family_can_have_firmware_of_their_own() -> None:
+    class Strange(RX28):
+        title = "Strange"
+        firmware = f"{__name__}:Slow"
+
+    assert type(virtual_servo(Strange, 1)) is Slow
+    assert type(virtual_servo(RX28, 1)) is Dynamixel1Servo
+
+
+class Slow(Dynamixel1Servo):
+    tick = 0.01
 
 
 @pytest.mark.parametrize("steps", [1, 7, 1000, 12345])

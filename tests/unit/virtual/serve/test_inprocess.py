@@ -5,7 +5,7 @@ import pytest
 
 import servobus
 from servobus.errors import BadValue, PortError, UnknownName, UsageError
-from servobus.virtual.device.motor_data import RX28_MEASURED
+from servobus.families.dynamixel.motors import RX28_MEASURED
 from servobus.virtual.physics.motor import Load
 from servobus.virtual.serve.inprocess import VirtualPort, connect
 

@@ -7,13 +7,12 @@ ID read (built from its manual, 3 and 8). Times are counted by hand: a byte last
 
 import itertools
 import re
-from functools import reduce
-from operator import xor
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from samples import sample_of
 from servobus.errors import BadValue, PortLost
 from servobus.families.registry import DRS0602
 from servobus.virtual.serve.inprocess import VirtualPort, connect
@@ -154,18 +153,10 @@ def test_every_bit_flipped(servos: str) -> None:
         assert int.from_bytes(heard, "little") ^ int.from_bytes(reply, "little") == 1 << bit
 
 
-def checksum_fits(servos: str, packet: bytes) -> bool:
-    """Reckon as the manuals do: DRS-0602 4-2, RX-28 3-3, LX-16A 3."""
-    if servos.startswith("drs"):
-        check = reduce(xor, packet[2:5] + packet[7:])
-        return packet[5:7] == bytes((check & 0xFE, ~check & 0xFE))
-    return packet[-1] == ~sum(packet[2:-1]) & 0xFF
-
-
 @every_family
 def test_two_bits_that_the_checksum_does_not_see(servos: str) -> None:
     request, reply = FAMILIES[servos]
-    client = port("pair", servos)
+    client, sample = port("pair", servos), sample_of(servos.partition("@")[0])
     seen = set()
     for _ in range(50):
         heard = ask(client, request)
@@ -173,7 +164,7 @@ def test_two_bits_that_the_checksum_does_not_see(servos: str) -> None:
         assert len(heard) == len(reply)
         assert len(changed) == 2
         assert changed[0] % 8 == changed[1] % 8
-        assert checksum_fits(servos, heard)
+        assert sample.fits(heard)
         seen.add(tuple(changed))
     assert len(seen) > 5
 
@@ -181,12 +172,12 @@ def test_two_bits_that_the_checksum_does_not_see(servos: str) -> None:
 @every_family
 def test_a_stranger_has_a_right_checksum(servos: str) -> None:
     request, reply = FAMILIES[servos]
-    client, place = port("stranger", servos), 3 if servos.startswith("drs") else 2
+    client, sample = port("stranger", servos), sample_of(servos.partition("@")[0])
     for _ in range(20):
         heard = ask(client, request)
-        assert checksum_fits(servos, heard)
-        assert heard[place] != reply[place]
-        assert heard[place] <= 253
+        assert sample.fits(heard)
+        assert heard[sample.id_at] != reply[sample.id_at]
+        assert heard[sample.id_at] <= 253
         assert len(heard) == len(reply)
 
 

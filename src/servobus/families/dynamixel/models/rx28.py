@@ -1,10 +1,11 @@
 """RX-28. Source: RX-28 user's manual, section 3-4 (control table) and 1-3 (specification)."""
 
-from servobus.core.registers import U8, U16, Access, Address, Area, Int, Register
+from servobus.core.registers import U8, U16, Access, Area, Int, Register
 from servobus.core.units import Count, Flags, Quantity, Switch, deg, rpm
-from servobus.families.base import Model, Performance, SpecSheet
+from servobus.families.dynamixel.places import Address
 from servobus.families.dynamixel.protocol import BAUD, Error
-from servobus.families.dynamixel.verbs import Dynamixel1
+from servobus.families.dynamixel.verbs import DYNAMIXEL1
+from servobus.families.model import Model, Performance, SpecSheet
 
 EEPROM, READ, RESERVED = Area.EEPROM, Access.READ, Access.RESERVED
 KGF_CM = 0.0980665
@@ -15,8 +16,13 @@ class RX28(Model):
     """Position 0 .. 1023 is 0° .. 300°, growing counter-clockwise; the 60° between the ends are not measured."""
 
     title = "RX-28"
-    family = Dynamixel1()
+    family = DYNAMIXEL1
     number = 28
+    factory_baud = 57_600
+    # Table in manual 3-4-1, plus the codes in use elsewhere in the field; most likely first.
+    bauds = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
+    firmware = "servobus.families.dynamixel.firmware:Dynamixel1Servo"
+    motors = "servobus.families.dynamixel.motors:RX28_SETS"
     sheet = SpecSheet(
         maker="ROBOTIS",
         performance=(
@@ -41,6 +47,7 @@ class RX28(Model):
     angle = Quantity("rad", 300 * deg / 1023)
     speed = Quantity("rad/s", 0.111 * rpm)
     share = Quantity("1", 1 / 1023)
+    turn_scale = share
     volts = Quantity("V", 0.1)
     celsius = Quantity("degC", 1.0)
     errors = Flags(Error)
@@ -133,15 +140,16 @@ class RX28(Model):
         Address(29), U8, steps, "width over which torque falls, counter-clockwise side; acts in seven levels",
         default=32, limits=(1, 254), note="ED-13, ED-17",
     )  # fmt: skip
-    goal_position = Register(Address(30), U16, angle, "target position", limits=(0, 1023))
+    goal_position = Register(Address(30), U16, angle, "target position", limits=(0, 1023), volatile=True, motion=True)
     moving_speed = Register(
         Address(32), Int(2, sign_bit=10), speed,
         "speed to the goal, 0 is uncontrolled full speed; in endless turn a share of full output with direction",
-        default=0, limits=(-1023, 1023), note="ED-14: bit 10, the direction, is accepted in endless turn only",
+        default=0, limits=(-1023, 1023), volatile=True, motion=True,
+        note="ED-14: bit 10, the direction, is accepted in endless turn only",
     )  # fmt: skip
     torque_limit = Register(
         Address(34), U16, share, "torque limit in use; starts as max_torque, 0 after a shutdown", limits=(0, 1023),
-        note="ED-29",
+        volatile=True, note="ED-29",
     )  # fmt: skip
     present_position = Register(Address(36), U16, angle, "position", access=READ)
     present_speed = Register(
@@ -164,6 +172,7 @@ class RX28(Model):
         "on while a REG_WRITE waits for ACTION",
         default=0,
         limits=(0, 1),
+        volatile=True,
         note="ED-16",
     )
     reserved_45 = Register(
@@ -176,7 +185,7 @@ class RX28(Model):
     )  # fmt: skip
     punch = Register(Address(48), U16, share, "lowest torque inside the compliance slope", default=32, limits=(0, 1023))
 
-    # The names that all families share.
+    # The names that all families share, see servobus.families.model.
     baud = baud_rate
     answer_level = status_return_level
     min_position = cw_angle_limit
@@ -184,3 +193,5 @@ class RX28(Model):
     min_voltage = lowest_limit_voltage
     max_voltage = highest_limit_voltage
     max_temperature = highest_limit_temperature
+    goal_speed = moving_speed
+    output_limit = torque_limit

@@ -1,11 +1,12 @@
 """DRS-0602. Source: DRS-0602 user's manual, sections 2-3 (specification) and 4-2 (register map, NO 1 to 60)."""
 
-from servobus.core.registers import S8, S16, U8, U16, Access, Eep, EepRam, Ram, Register
+from servobus.core.registers import S8, S16, U8, U16, Access, Register
 from servobus.core.units import Choice, Count, Flags, Quantity, deg, ms
-from servobus.families.base import Answers, Model, Performance, SpecSheet
+from servobus.families.base import Answers
+from servobus.families.herkulex.places import Eep, EepRam, Ram
 from servobus.families.herkulex.protocol import (
     BAUD,
-    JOG_SPEED,
+    LONGEST_PLAYTIME,
     TICK,
     Aux,
     ControlMode,
@@ -14,7 +15,8 @@ from servobus.families.herkulex.protocol import (
     StatusError,
     TorqueControl,
 )
-from servobus.families.herkulex.verbs import Herkulex
+from servobus.families.herkulex.verbs import HERKULEX
+from servobus.families.model import Model, Performance, SpecSheet
 
 READ, RESERVED = Access.READ, Access.RESERVED
 GAIN = (0, 32767)
@@ -28,8 +30,15 @@ class DRS0602(Model):
     """
 
     title = "DRS-0602"
-    family = Herkulex()
+    family = HERKULEX
     number = 0x0602
+    factory_baud = 115_200
+    bauds = tuple(BAUD.codes.values())
+    max_move_time = LONGEST_PLAYTIME * TICK
+    turn_scale = Quantity("rad/s", 0.62 * deg)  # 6-5
+    brakes = True
+    firmware = "servobus.families.herkulex.firmware:HerkulexServo"
+    motors = "servobus.families.herkulex.motors:DRS0602_SETS"
     sheet = SpecSheet(
         maker="Dongbu Robot",
         performance=(Performance(14.8, 7.6, 60 * deg / 0.164),),
@@ -75,6 +84,7 @@ class DRS0602(Model):
     reserved_6 = Register(Eep(5), U8, Count(), "reserved, NO 6", access=RESERVED)
     id = Register(
         EepRam(6, 0), U8, Count(), "bus id", default=219, limits=(0, 253),
+        volatile=True,  # it is no setting that a restart would tell
         note="EH-05: 219; the 253 of all examples is the default of older models",
     )  # fmt: skip
     ack_policy = Register(
@@ -192,20 +202,27 @@ class DRS0602(Model):
     )  # fmt: skip
     status_error = Register(
         Ram(48), U8, errors, "errors; each stays until it is written 0", default=0, limits=(0, 0x7F),
-        note="EH-22: bit 0x20 is never set",
+        volatile=True, latched=True, note="EH-22: bit 0x20 is never set",
     )  # fmt: skip
     status_detail = Register(
         Ram(49), U8, Flags(StatusDetail), "causes of invalid packets, to be cleared; moving, inposition, torque on",
-        default=0, limits=(0, 0x7F),
+        default=0, limits=(0, 0x7F), volatile=True, latched=True,
     )  # fmt: skip
-    aux_1 = Register(Ram(50), U8, Choice(Aux), "sets absolute_position anew", default=0, limits=(0, 6))
+    aux_1 = Register(Ram(50), U8, Choice(Aux), "sets absolute_position anew", default=0, limits=(0, 6), volatile=True)
     reserved_46 = Register(Ram(51), U8, Count(), "reserved, NO 46", default=0, access=RESERVED)
     torque_control = Register(
         Ram(52), U8, Choice(TorqueControl), "free, brake or on", default=0, limits=(0, 0x60), allowed=(0, 0x40, 0x60),
         note="EH-15: a JOG moves nothing while braked",
     )  # fmt: skip
     led_control = Register(
-        Ram(53), U8, Flags(Led), "lights", default=0, limits=(0, 7), note="EH-04: bit 0x04 is red, not green"
+        Ram(53),
+        U8,
+        Flags(Led),
+        "lights",
+        default=0,
+        limits=(0, 7),
+        volatile=True,  # a JOG sets it
+        note="EH-04: bit 0x04 is red, not green",
     )
     voltage = Register(Ram(54), U8, volts, "supply voltage", limits=(0, 200), access=READ)
     temperature = Register(Ram(55), U8, celsius, "internal temperature", limits=(0, 110), access=READ)
@@ -220,7 +237,7 @@ class DRS0602(Model):
     )  # fmt: skip
     absolute_position = Register(Ram(60), U16, angle, "position", access=READ, note="EH-09")
     differential_position = Register(
-        Ram(62), S16, JOG_SPEED, "speed", access=READ, note="EH-35: signed, as other drivers read it"
+        Ram(62), S16, turn_scale, "speed", access=READ, note="EH-35: signed, as other drivers read it"
     )
     pwm = Register(
         Ram(64), S16, share, "output", default=0, access=READ, note="EH-35: signed, as other drivers read it"
@@ -240,7 +257,7 @@ class DRS0602(Model):
         note="EH-34: unit as printed, origin unknown; EH-35: signed is an assumption",
     )  # fmt: skip
 
-    # The names that all families share.
+    # The names that all families share, see servobus.families.model.
     baud = baud_rate
     answer_level = ack_policy
     torque_enable = torque_control
@@ -250,3 +267,5 @@ class DRS0602(Model):
     present_load = pwm
     present_voltage = voltage
     present_temperature = temperature
+    output_limit = max_pwm
+    calibration = calibration_difference

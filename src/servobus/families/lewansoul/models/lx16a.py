@@ -3,11 +3,12 @@
 What the protocol keeps in pairs of commands stands here as registers; the servo has no table of its own.
 """
 
-from servobus.core.registers import S8, S16, U8, U16, Access, Area, Pair, Register
+from servobus.core.registers import S8, S16, U8, U16, Access, Area, Register
 from servobus.core.units import Choice, Count, Flags, Quantity, Switch, deg, ms
-from servobus.families.base import Model, Performance, SpecSheet
-from servobus.families.lewansoul.protocol import FULL_OUTPUT, Alarm, Command, Mode
-from servobus.families.lewansoul.verbs import Lewansoul
+from servobus.families.lewansoul.places import Pair
+from servobus.families.lewansoul.protocol import BAUD, FULL_OUTPUT, Alarm, Command, Mode
+from servobus.families.lewansoul.verbs import LEWANSOUL
+from servobus.families.model import Model, Performance, SpecSheet
 
 EEPROM, READ = Area.EEPROM, Access.READ
 KGF_CM = 0.0980665
@@ -19,8 +20,14 @@ class LX16A(Model):
     """Position 0 .. 1000 is 0° .. 240°; positions that are read may lie outside, and below 0."""
 
     title = "LX-16A"
-    family = Lewansoul()
+    family = LEWANSOUL
     number = None
+    factory_baud = BAUD
+    bauds = (BAUD,)
+    max_move_time = 30.0
+    turn_scale = Quantity("1", 1 / FULL_OUTPUT)
+    firmware = "servobus.families.lewansoul.firmware:LewansoulServo"
+    motors = "servobus.families.lewansoul.motors:LX16A_SETS"
     # The protocol document has no specification. Figures of the maker's and resellers' product pages; some
     # of these give 15 and 17 kgf·cm instead. The two torque points cannot both be right for a DC motor.
     sheet = SpecSheet(
@@ -46,21 +53,24 @@ class LX16A(Model):
 
     goal_position = Register(
         Pair(Command.SERVO_MOVE_TIME_WRITE, Command.SERVO_MOVE_TIME_READ), U16, angle, "target position",
-        limits=(0, 1000), note="EL-02: 0 .. 1000, not 0 .. 100; L-20: the present position before any move",
+        limits=(0, 1000), volatile=True, motion=True,
+        note="EL-02: 0 .. 1000, not 0 .. 100; L-20: the present position before any move",
     )  # fmt: skip
     goal_time = Register(
         Pair(Command.SERVO_MOVE_TIME_WRITE, Command.SERVO_MOVE_TIME_READ, 2, alone=False), U16, time,
         "time to reach the target position; 0 is as fast as possible",
-        default=0, limits=(0, 30000), note="EL-16, L-20",
+        default=0, limits=(0, 30000), volatile=True, note="EL-16, L-20",
     )  # fmt: skip
     wait_goal_position = Register(
         Pair(Command.SERVO_MOVE_TIME_WAIT_WRITE, Command.SERVO_MOVE_TIME_WAIT_READ), U16, angle,
         "target position kept until MOVE_START",
-        limits=(0, 1000), note="EL-04: not every LX-16A lets the kept move be read",
+        limits=(0, 1000), volatile=True, motion=True,
+        note="EL-04: not every LX-16A lets the kept move be read",
     )  # fmt: skip
     wait_goal_time = Register(
         Pair(Command.SERVO_MOVE_TIME_WAIT_WRITE, Command.SERVO_MOVE_TIME_WAIT_READ, 2, alone=False), U16,
-        time, "time of the kept move; 0 is as fast as possible", limits=(0, 30000), note="EL-04, EL-16",
+        time, "time of the kept move; 0 is as fast as possible", limits=(0, 30000),
+        volatile=True, note="EL-04, EL-16",
     )  # fmt: skip
     id = Register(
         Pair(Command.SERVO_ID_WRITE, Command.SERVO_ID_READ), U8, Count(), "bus id",
@@ -106,11 +116,13 @@ class LX16A(Model):
     mode = Register(
         Pair(Command.SERVO_OR_MOTOR_MODE_WRITE, Command.SERVO_OR_MOTOR_MODE_READ), U8, Choice(Mode),
         "position control or endless turn; position after power-on", default=Mode.POSITION, limits=(0, 1),
+        volatile=True, motion=True,
     )  # fmt: skip
     motor_speed = Register(
         Pair(Command.SERVO_OR_MOTOR_MODE_WRITE, Command.SERVO_OR_MOTOR_MODE_READ, 2), S16,
-        Quantity("1", 1 / FULL_OUTPUT), "share of full output in motor mode; negative is reverse",
-        default=0, limits=(-FULL_OUTPUT, FULL_OUTPUT), note="a duty in fact, not a controlled speed",
+        turn_scale, "share of full output in motor mode; negative is reverse",
+        default=0, limits=(-FULL_OUTPUT, FULL_OUTPUT), volatile=True, motion=True,
+        note="a duty in fact, not a controlled speed",
     )  # fmt: skip
     torque_enable = Register(
         Pair(Command.SERVO_LOAD_OR_UNLOAD_WRITE, Command.SERVO_LOAD_OR_UNLOAD_READ), U8, Switch(),

@@ -1,0 +1,277 @@
+"""A model: the table of its registers, the data of its maker, and what else differs from model to model.
+
+    class AX12A(RX28):
+        title, number, factory_baud = "AX-12A", 12, 1_000_000
+        sheet = SpecSheet(...)
+        highest_limit_temperature = RX28.highest_limit_temperature.with_(default=70)
+
+A table inherits the rows of its parents. A row in the class body takes the place of the inherited one of the same name,
+`NAME = None` takes that one out. Inherited rows are copies, so each says whose it is; a row of a parent can be used for
+a child all the same, see `Model.own`. A table is checked when its class is made: a wrong one cannot be imported.
+"""
+
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+from servobus.core.registers import Register, check_overlap, check_row
+from servobus.core.units import Quantity
+from servobus.core.values import frozen
+from servobus.errors import UnknownName, UsageError
+
+if TYPE_CHECKING:
+    from servobus.families.base import Family
+
+T = TypeVar("T")
+
+REQUIRED = {
+    "id": "",
+    "goal_position": "rad",
+    "present_position": "rad",
+    "min_position": "rad",
+    "max_position": "rad",
+    "present_voltage": "V",
+    "min_voltage": "V",
+    "max_voltage": "V",
+    "present_temperature": "degC",
+    "max_temperature": "degC",
+    "torque_enable": "",
+}
+"""Registers that every model has under these names, with the unit of their values. All that serves several families
+looks them up by these names and no others."""
+
+OPTIONAL = {
+    "model_number": "",
+    "baud": "baud",
+    "answer_level": "",
+    "present_speed": "rad/s",
+    "present_load": "1",
+    "goal_speed": "rad/s",
+    "output_limit": "1",
+    "calibration": "",
+}
+"""The same for what some models lack; `Model.optional` finds it.
+
+    model_number   what the servo says when asked for its model, if that is one register
+    baud           speed on the bus, for good
+    answer_level   which requests it answers, as in `Answers`
+    goal_speed     speed of the moves from now on, which a move by time sets
+    output_limit   in RAM, bounds the output
+    calibration    what a factory reset can leave alone as "calibration"
+"""
+
+_TOLD = ("family", "number", "sheet", "factory_baud", "bauds", "turn_scale")
+"""What a model must say beside its table."""
+
+
+@frozen
+class Performance:
+    """One line of a data sheet: what the servo reaches at this voltage."""
+
+    voltage: float
+    """V"""
+    stall_torque: float
+    """N·m"""
+    speed: float
+    """rad/s without load"""
+
+
+@frozen
+class SpecSheet:
+    """The maker's specification of a model, in SI units. None where the manual does not say."""
+
+    maker: str
+    performance: tuple[Performance, ...]
+    voltage: tuple[float, float]
+    """Supply, V: lowest and highest."""
+    angle: float
+    """Range in position mode, rad."""
+    resolution: float
+    """rad per position unit"""
+    nominal_voltage: float | None = None
+    temperature: tuple[float, float] | None = None
+    """Working range, °C."""
+    weight: float | None = None
+    """kg"""
+    size: tuple[float, float, float] | None = None
+    """m: width, depth and height"""
+    gear_ratio: float | None = None
+    gear: str = ""
+    motor: str = ""
+    standby_current: float | None = None
+    """A"""
+    max_current: float | None = None
+    """A"""
+    link: str = ""
+
+
+class Model:
+    """What servobus knows of one model. Subclass it; do not instantiate it.
+
+    firmware and motors name what only virtual servos need, as "package.module:NAME". Nothing imports them before a
+    virtual servo is made.
+    """
+
+    title: ClassVar[str]
+    """The name on the case."""
+    family: ClassVar["Family"]
+    number: ClassVar[int | None]
+    """What the servo says when asked for its model; None for families that cannot be asked."""
+    sheet: ClassVar[SpecSheet]
+    factory_baud: ClassVar[int]
+    """Speed that it has from the factory, bit/s."""
+    bauds: ClassVar[tuple[int, ...]]
+    """Speeds that it can be set to, bit/s, most likely first."""
+    max_move_time: ClassVar[float | None] = None
+    """Longest time in seconds that one timed move can take; None if moves are given by speed."""
+    turn_scale: ClassVar[Quantity]
+    """Scale of the number that turns it without end: a speed ("rad/s"), or a share of full output ("1")."""
+    brakes: ClassVar[bool] = False
+    """Whether it can brake: short its motor, so that the shaft turns only slowly."""
+    firmware: ClassVar[str] = ""
+    """The class of its virtual servo, a `VirtualServo`; "" for a model that cannot be simulated."""
+    motors: ClassVar[str] = ""
+    """Its sets of motor data: a dict, name of a set -> MotorParams, the first by default. A model with a sheet of its
+    own that names none gets a motor made up from that sheet, not the one of its parent."""
+
+    registers: ClassVar[dict[str, Register[Any]]] = {}
+    """Every row once, by its own name."""
+    aliases: ClassVar[dict[str, str]] = {}
+    """Second names: alias -> name of the row."""
+    _body: ClassVar[dict[str, Register[Any] | None]] = {}
+    """What the class body itself says of rows: name -> row, or None for one that is taken out."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        cls._body = {name: row for name, row in vars(cls).items() if isinstance(row, Register) or _takes_out(cls, name)}
+        cls.registers, cls.aliases = {}, {}
+        for kind in reversed(cls.__mro__):
+            for name, row in vars(kind).get("_body", {}).items():
+                cls._declare(name, row)
+        for name, row in cls.registers.items():
+            if row.owner is not cls:
+                cls.registers[name] = copy = row.with_(**cls._told_default(row))
+                copy.__set_name__(cls, name)
+                setattr(cls, name, copy)
+        for alias, name in cls.aliases.items():
+            if name not in cls.registers:
+                raise TypeError(f"{cls.__name__}: {alias} is another name for {name}, which the table does not have")
+            setattr(cls, alias, cls.registers[name])
+            cls.registers[name].aliases += (alias,)
+        for row in cls.registers.values():
+            check_row(row)
+        check_overlap(cls.registers.values())
+        if "title" in vars(cls):  # else it is a parent of models, and may lack what they all add
+            _check_complete(cls)
+
+    @classmethod
+    def _declare(cls, name: str, row: Register[Any] | None) -> None:
+        """Take over one statement of a class body about a row."""
+        if row is None:
+            cls.registers.pop(name, None)
+            cls.aliases = {alias: whose for alias, whose in cls.aliases.items() if name not in (alias, whose)}
+        elif row.name == name:
+            cls.aliases.pop(name, None)
+            cls.registers[name] = row
+        else:
+            cls.registers.pop(name, None)
+            cls.aliases[name] = row.name
+
+    @classmethod
+    def _told_default(cls, inherited: Register[Any]) -> dict[str, int]:
+        """Give the factory value of an inherited row where the model says it beside its table."""
+        for name, value in cls._told().items():
+            if inherited.name == cls.aliases.get(name, name) and value is not None:
+                return {"default": inherited.scale.encode(value)}
+        return {}
+
+    @classmethod
+    def _told(cls) -> dict[str, int | None]:
+        """Give what a model says beside its table that is the factory value of a row too: name of the row -> value."""
+        return {"model_number": getattr(cls, "number", None), "baud": getattr(cls, "factory_baud", None)}
+
+    @classmethod
+    def key(cls) -> str:
+        """Give the name used in commands and files: rx28 for RX-28."""
+        return cls.title.replace("-", "").lower()
+
+    @classmethod
+    def turns_at_speed(cls) -> bool:
+        """Tell whether it controls the speed of endless turn; else a share of full output is set."""
+        return cls.turn_scale.unit == "rad/s"
+
+    @classmethod
+    def register(cls, name: str) -> Register[Any]:
+        """Find a row by its name or alias. Raises UnknownName, with the nearest names."""
+        row = cls.registers.get(cls.aliases.get(name, name))
+        if row is None:
+            import difflib  # noqa: PLC0415 - only ever needed for this message
+
+            near = difflib.get_close_matches(name, [*cls.registers, *cls.aliases], n=3, cutoff=0.5)
+            hint = f"; did you mean {' or '.join(near)}?" if near else ""
+            raise UnknownName(f"{cls.title} has no register {name!r}{hint}")
+        return row
+
+    @classmethod
+    def optional(cls, name: str) -> Register[Any] | None:
+        """Find the row for one of the names of `OPTIONAL`; None if the model lacks it."""
+        if name not in OPTIONAL:
+            raise UnknownName(
+                f"{name!r} is no name that models may have for a register; these are {', '.join(OPTIONAL)}"
+            )
+        return cls.registers.get(cls.aliases.get(name, name))
+
+    @classmethod
+    def own(cls, register: Register[T]) -> Register[T]:
+        """Give this model's own row for a register.
+
+        That is the row of the same name where the register belongs to a parent, or to another child of one, and its
+        values mean the same: `RX28.goal_position` stands for the goal of every model that is made from the RX-28.
+        Raises UsageError for a register of a model that has nothing to do with this one, or that means something else.
+        """
+        row = cls.registers.get(register.name)
+        if row is register:
+            return register
+        parents = () if register.owner is None else register.owner.__mro__
+        related = any(register.name in vars(kind).get("registers", {}) and issubclass(cls, kind) for kind in parents)
+        if row is None or not related or not row.same_value(register):
+            raise UsageError(f"{register.model} {register.name} is not a register of {cls.title}")
+        return row
+
+
+def _takes_out(table: type[Model], name: str) -> bool:
+    """Tell whether a class body takes an inherited row out, or a second name for one."""
+    return vars(table)[name] is None and any(name in kind.registers or name in kind.aliases for kind in _parents(table))
+
+
+def _parents(table: type[Model]) -> list[type[Model]]:
+    return [kind for kind in table.__mro__[1:] if issubclass(kind, Model)]
+
+
+def _check_complete(model: type[Model]) -> None:
+    """Refuse a model that lacks what verbs and jobs rely on, with a TypeError that names it."""
+    if missing := [name for name in _TOLD if not hasattr(model, name)]:
+        raise TypeError(f"{model.title}: a model says its {', '.join(missing)}")
+    needs = dict.fromkeys(model.family.needs, "") | REQUIRED
+    if missing := [name for name in needs if name not in model.registers and name not in model.aliases]:
+        raise TypeError(
+            f"{model.title} lacks the register{'s' * (len(missing) > 1)} {', '.join(missing)}: the verbs of "
+            f"{model.family.title} servos rely on it; add a row, or a second name for one"
+        )
+    for name, unit in (REQUIRED | OPTIONAL).items():
+        row = model.registers.get(model.aliases.get(name, name))
+        if row is not None and unit and row.unit != unit:
+            raise TypeError(f"{row}: {name} is in {unit}, not in {row.unit or 'no unit'}")
+    goal = model.register("goal_position")
+    for name in ("min_position", "max_position"):
+        limit = model.register(name)
+        if limit.scale != goal.scale:
+            raise TypeError(f"{limit} has another scale than {goal.name}, to whose raw values it is compared")
+    limit_row = model.optional("output_limit")
+    if limit_row is not None and not (limit_row.writable and limit_row.acts_in_ram):
+        raise TypeError(f"{limit_row}: an output_limit can be written in RAM")
+    if model.factory_baud not in model.bauds:
+        raise TypeError(f"{model.title}: its factory speed {model.factory_baud} is not among its bauds")
+    for name, value in model._told().items():
+        row = model.optional(name)
+        if row is not None and value is not None and row.scale.encode(value) != row.default:
+            raise TypeError(f"{row}: the factory setting {row.default} is not {value}, as the model says")
+    model.family.check_model(model)

@@ -1,0 +1,88 @@
+"""--model: what a servo is that cannot say it itself. Two models that are no part of servobus serve for that."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from servobus import LX16A, RX28, deg
+from servobus.families import registry
+from servobus.families.model import Performance, SpecSheet
+from unit.cli.conftest import Run
+
+
+class LX224(LX16A):
+    title = "LX-224"
+
+
+class AX12A(RX28):
+    """AX-12A. Source: ROBOTIS e-manual, AX-12A."""
+
+    title, number, factory_baud = "AX-12A", 12, 1_000_000
+    sheet = SpecSheet(
+        maker="ROBOTIS",
+        performance=(Performance(12.0, 1.5, 354 * deg),),
+        voltage=(9.0, 12.0),
+        nominal_voltage=11.1,
+        temperature=(-5.0, 70.0),
+        angle=300 * deg,
+        resolution=300 * deg / 1023,
+        weight=0.0546,
+        size=(0.032, 0.050, 0.040),
+        gear_ratio=254,
+        standby_current=0.050,
+        link="TTL, half duplex, 8N1, 7843 bit/s to 1 Mbit/s",
+    )
+    highest_limit_temperature = RX28.highest_limit_temperature.with_(default=70)
+    highest_limit_voltage = RX28.highest_limit_voltage.with_(default=140)
+
+
+LX = "virtual:lx16a@1,2,rx28@3?clock=virtual"
+
+
+@pytest.fixture(autouse=True)
+def more_models() -> Iterator[None]:
+    registry.add(LX224, AX12A)
+    yield
+    for model in (LX224, AX12A):
+        del registry.MODELS.entries[model.key()]
+
+
+def test_it_says_what_a_servo_is(run: Run, load: Callable[..., Any]) -> None:
+    assert load("info", LX, 1, "--model", "lx224")["model"] == "lx224"
+    assert load("info", LX, 1)["model"] == "lx16a"
+    found = load("scan", LX, "--ids", "0-4", "--model", "LX-224")
+    assert [(one["model"], one["id"]) for one in found] == [("lx224", 1), ("lx224", 2)]
+    assert "LX-224 id 1" in run("move", LX, "1=90", "2=90", "--model", "lx224").stdout
+    assert "LX-224 id 2: torque off" in run("torque", LX, 2, "off", "--model", "lx224").stdout
+    assert "LX-224 id 1 stopped" in run("stop", LX, "all", "--model", "lx224").stdout
+    assert "LX-224 ids 1, 2" in run("doctor", LX, "--ids", "0-4", "--reads", 20, "--model", "lx224").stdout
+
+
+def test_its_factory_speed_is_asked_alone(run: Run) -> None:
+    port = "virtual:ax12a@1,rx28@2?clock=virtual"
+    assert "AX-12A id 1 at 1000000" in run("scan", port, "--ids", "0-3", "--model", "ax12a").stdout
+    assert "RX-28" not in run("scan", port, "--ids", "0-3", "--model", "ax12a").stdout
+    assert "AX-12A id 1 at 1000000" in run("scan", port, "--ids", "0-3").stdout
+    assert "torque off: told every servo (dynamixel at 1000000)" in (
+        run("torque", port, "all", "off", "--model", "ax12a").stdout
+    )
+
+
+def test_what_the_servo_says_itself_counts_more(refused: Callable[..., str]) -> None:
+    port = "virtual:ax12a@1?clock=virtual&baud=57600"
+    assert "id 1 says that it is AX-12A, not RX-28" in refused("read", port, 1, "led", "--model", "rx28")
+
+
+def test_it_is_checked_before_the_port_is_opened(refused: Callable[..., str]) -> None:
+    assert "no model 'lx999'" in refused("read", "/dev/nowhere", 1, "led", "--model", "lx999")
+    said = refused("read", "/dev/nowhere", 1, "led", "--model", "lx16a", "--family", "herkulex")
+    assert "LX-16A is of the family lewansoul, not herkulex" in said
+
+
+def test_help_names_the_families(run: Run) -> None:
+    for verb in ("read", "scan", "doctor"):
+        said = " ".join(run(verb, "--help").stdout.split())
+        assert "Look only for dynamixel, herkulex or lewansoul servos." in said
+        assert "--model MODEL" in said
+    assert "dynamixel, herkulex or lewansoul; else what fits best." in " ".join(run("decode", "--help").stdout.split())

@@ -1,0 +1,130 @@
+"""Backups: whole numbers or nothing, and what says which requests are answered comes last."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+import servobus
+from servobus import DRS0602, MODELS, RX28, Backup, BusServo, NoReply, UsageError
+from servobus.families.base import Answers
+from unit.lossy import ASYNC, SYNC, Bench
+
+DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
+WITH_POLICY = pytest.mark.parametrize("key", ["rx28", "drs0602"])
+OTHER: dict[str, tuple[str, int]] = {"rx28": ("alarm_shutdown", 4), "drs0602": ("max_temperature", 60)}
+"""A setting that comes behind the policy in the table, and another value for it."""
+ANSWERED: dict[str, tuple[str, Any]] = {"rx28": ("led", True), "drs0602": ("led_control", 1)}
+"""A register in RAM, and what to write to it."""
+
+
+def edited(saved: Backup, values: Mapping[str, int]) -> Backup:
+    return Backup(saved.model, saved.firmware, saved.id, saved.baud, {**saved.values, **values})
+
+
+def works(bench: Bench) -> None:
+    """Check that driver and servo agree on what is answered: else a write would wait in vain, or not be waited for."""
+    name, value = ANSWERED[bench.real.model.key()]
+    bench.line.lose()
+    bench.do(lambda servo: servo.write(name, value))
+    bench.do(lambda servo: servo.ping())
+    assert len(bench.line.requests) == 2
+    assert bench.servo.model.register(name).decode(bench.real.get(name)) == value
+
+
+@DRIVERS
+@WITH_POLICY
+@pytest.mark.parametrize("old", [Answers.READS, Answers.EVERYTHING])
+@pytest.mark.parametrize("new", list(Answers))
+def test_a_restored_policy_is_written_last_and_learned(key: str, driver: str, old: Answers, new: Answers) -> None:
+    bench = Bench(key, driver, old)
+    policy = bench.servo.model.register("answer_level").name
+    name, raw = OTHER[key]
+    saved = edited(bench.do(lambda servo: servo.backup()), {policy: new, name: raw})
+    changed = bench.do(lambda servo: servo.restore(saved))
+    assert set(changed) == ({policy, name} if old is not new else {name})
+    bench.line.sleep(0.01)
+    assert (bench.stored(policy), bench.stored(name)) == (new, raw)
+    assert bench.servo.target.answers is new
+    works(bench)
+
+
+@DRIVERS
+@WITH_POLICY
+@pytest.mark.parametrize("verb", ["write_many", "write_raw", "store"])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_policy_among_others_is_written_last(key: str, driver: str, verb: str, first: bool) -> None:
+    bench = Bench(key, driver, Answers.EVERYTHING)
+    name, raw = OTHER[key]
+    row = bench.servo.model.register(name)
+    values: dict[str, Any] = {"answer_level": Answers.READS, name: raw if verb == "write_raw" else row.decode(raw)}
+    if not first:
+        values = dict(reversed(values.items()))
+    bench.do(lambda servo: getattr(servo, verb)(values))
+    assert bench.do(lambda servo: servo.read_raw([name])) == [raw]
+    assert bench.servo.target.answers is Answers.READS
+    works(bench)
+
+
+@WITH_POLICY
+def test_a_policy_whose_write_was_not_answered_is_asked_for(key: str) -> None:
+    bench = Bench(key, SYNC, Answers.EVERYTHING)
+    servo: Any = bench.servo
+    refused: list[bytes] = []
+
+    def lose_the_answer(request: bytes) -> bool:
+        """Cut the line for one write of the policy, after the servo has got it."""
+        if request[4] == 3 and not refused:  # WRITE_DATA; of a HerkuleX the write is not waited for
+            refused.append(request)
+            bench.line._deaf = True
+        return True
+
+    bench.line.on_request = lose_the_answer
+    if key == "rx28":
+        with pytest.raises(NoReply):
+            servo.write(RX28.status_return_level, Answers.READS)
+    else:
+        servo.write(DRS0602.ack_policy, Answers.READS)
+    bench.line.on_request = None
+    assert servo.target.answers is Answers.READS
+    works(bench)
+
+
+def servo_of(key: str) -> BusServo:
+    return servobus.open(f"virtual:{key}@1?clock=virtual").find(1, family=MODELS[key].family)
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes", "said"),
+    [
+        (
+            "max_torque = 1023",
+            "max_torque = 511.9",
+            r"max_torque in line 16 is 511\.9, and a raw value is a whole number",
+        ),
+        ("max_torque = 1023", "max_torque = 511.0", r"max_torque in line 16 is 511\.0, and"),
+        ("alarm_led = 36", "alarm_led = true", "alarm_led in line 18 is True, and"),
+        ("alarm_led = 36", 'alarm_led = "36"', "alarm_led in line 18 is '36', and"),
+        ("baud = 57600", "baud = 57600.0", r"baud in line 5 is 57600\.0, and"),
+        ("id = 1\n", "id = true\n", "id in line 4 is True, and"),
+        ("max_torque = 1023", "max_torque = 1024", "max_torque = 1024 is not in"),
+        ("max_torque = 1023", "max_turk = 1023", "has no register 'max_turk'; did you mean max_torque"),
+        (
+            "max_torque = 1023",
+            "max_torque = 1023\nmax_temperature = 80",
+            "highest_limit_temperature stands in it twice",
+        ),
+    ],
+)
+def test_what_is_no_raw_value_is_refused_with_its_line(was: str, becomes: str, said: str) -> None:
+    text = servo_of("rx28").backup().text()
+    assert was in text
+    with pytest.raises(UsageError, match=said):
+        Backup.parse(text.replace(was, becomes))
+
+
+def test_an_alias_in_a_backup_is_restored_too() -> None:
+    servo = servo_of("rx28")
+    saved = Backup.parse(servo.backup().text().replace("highest_limit_temperature = 80", "max_temperature = 70"))
+    assert servo.restore(saved) == ["highest_limit_temperature"]
+    assert servo.read("max_temperature") == 70.0

@@ -1,0 +1,92 @@
+"""Waiting for a move: it ends when the servos are there, or at the time-out that was asked."""
+
+import asyncio
+from typing import Any
+
+import pytest
+
+import servobus
+from servobus import MODELS, BadValue, MoveTimeout, Stopped, UsageError, deg
+from unit.lossy import ASYNC, SYNC
+
+EVERY = pytest.mark.parametrize("key", MODELS)
+DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
+LOOK = 0.15
+"""s that the last look may take: that of an LX-16A compares two positions 50 ms apart."""
+
+
+def blocked(key: str) -> Any:
+    """A servo whose shaft is blocked, with its torque on."""
+    bus = servobus.open(f"virtual:{key}@1?clock=virtual&load=blocked")
+    (servo,) = bus.scan(ids=[1], family=MODELS[key].family)
+    servo.torque_on()
+    return servo
+
+
+@EVERY
+@pytest.mark.parametrize("timeout", [0.0, 0.1, 0.31, 2.0])
+def test_it_ends_at_the_time_out_that_was_asked(key: str, timeout: float) -> None:
+    servo = blocked(key)
+    clock = servo._bus.transport
+    move = servo.move(servo.look().position + 20 * deg, time=0.3)
+    began = clock.now()
+    with pytest.raises(MoveTimeout, match="did not reach"):
+        move.wait(timeout=timeout)
+    assert timeout <= clock.now() - began <= timeout + LOOK
+
+
+@EVERY
+def test_without_a_time_out_it_ends_2_s_after_it_should_have(key: str) -> None:
+    servo = blocked(key)
+    clock = servo._bus.transport
+    move = servo.move(servo.look().position + 20 * deg, time=0.3)
+    began = clock.now()
+    with pytest.raises(MoveTimeout):
+        move.wait()
+    assert 2.3 <= clock.now() - began <= 2.3 + LOOK
+
+
+@EVERY
+def test_lost_answers_do_not_make_it_longer(key: str) -> None:
+    """Where every third answer is lost each look takes longer, and there are fewer of them."""
+    servo = blocked(key)
+    clock = servo._bus.transport
+    move = servo.move(servo.look().position + 20 * deg, time=0.3)
+    clock.inject(",".join(f"mute#{number}" for number in range(3, 300, 3)))
+    began = clock.now()
+    with pytest.raises(MoveTimeout):
+        move.wait(timeout=2.0)
+    assert servo._bus.stats.total.retries > 5
+    assert 2.0 <= clock.now() - began <= 2.0 + 2 * LOOK
+
+
+@DRIVERS
+def test_one_that_was_stopped_is_told_at_once(driver: str) -> None:
+    opener: Any = servobus.open if driver == SYNC else servobus.open_async
+    bus = opener("virtual:rx28@1,lx16a@2?clock=virtual")
+
+    async def call(given: Any) -> Any:
+        return given if driver == SYNC else await given
+
+    async def main() -> None:
+        servos = await call(bus.scan(ids=[1, 2]))
+        await call(bus.torque_on())
+        planned = await call(bus.start_move({servo: servo.state.position + 60 * deg for servo in servos}, time=3.0))
+        await call(servos[1].stop())
+        began = bus.transport.now()
+        with pytest.raises(Stopped, match="LX-16A id 2 is at"):
+            await call(bus.wait_arrival(planned))
+        assert bus.transport.now() - began < LOOK
+
+    asyncio.run(main())
+
+
+def test_a_move_of_nothing_is_refused() -> None:
+    bus = servobus.open("virtual:rx28@1?clock=virtual")
+    with pytest.raises(UsageError, match="a move of no servos"):
+        bus.move({})
+    servo = bus.attach(servobus.RX28, 1)
+    with pytest.raises(UsageError, match="given two goals"):
+        bus.move({servo: 1.0, 1: 1.0})
+    with pytest.raises(BadValue, match="not a number of seconds"), servo.torque():
+        servo.move(1.0).wait(timeout=-1)
