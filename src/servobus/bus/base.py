@@ -469,7 +469,12 @@ class BaseBus(Closed, Generic[S]):
 
     def _new_link(self, stats: Stats | None = None) -> Link:
         return Link(
-            self._port, echo=self._echo, heard=self._heard, fences=self._fences, alarmed=self._servos.alarmed, stats=stats
+            self._port,
+            echo=self._echo,
+            heard=self._heard,
+            fences=self._fences,
+            alarmed=self._servos.alarmed,
+            stats=stats,
         )
 
     def _reopened(self) -> None:
@@ -492,4 +497,3 @@ class BaseBus(Closed, Generic[S]):
         for servo in self._servos:
             if servo.id == packet.id and servo.baud == baud and servo.family.framing is exchange.framing:
                 self._servos.note_alarms(servo, exchange.alarms(packet))
-
