@@ -60,6 +60,8 @@ class Sample(ABC):
     """Whether the torque comes back by itself when an alarm is over."""
     resets: ClassVar[bool] = True
     """Whether there is a command that restores the settings from the factory."""
+    acknowledges_level: ClassVar[bool] = True
+    """Whether a write of the answer level itself is known to be answered, so that a lost answer shows."""
     beyond: ClassVar[int] = 0
     """Position units that the sensor tells beyond what can be a goal, on either side."""
     stops_of_torque_on: ClassVar[int] = 0
@@ -151,7 +153,7 @@ class DynamixelSample(_Sum):
     id_at = 2
     answer_size, value_at, known = 8, 5, 4  # 3-3, 3-5-1
     longest, crowd = 143, 40  # 3-5-7
-    speeds = (1_000_000, 115_200, 57_600)  # 3-4-1 address 4
+    speeds = (1_000_000, 500_000, 115_200, 57_600)  # 3-4-1 address 4
     asking = frozenset({0x01, 0x02})  # PING, READ_DATA (3-2)
     hot, hot_word, flat = 0x04, "overheating", 0x01  # 3-3
     stops_of_torque_on = 1  # the present position is made the goal first
@@ -196,6 +198,7 @@ class HerkulexSample(Sample):
     speeds = (500_000, 57_600, 115_200)  # 4-2 NO 5
     asking = frozenset({0x02, 0x04, 0x07})  # EEP_READ, RAM_READ, STAT (5-1)
     on = 0x60  # 4-2 NO 47
+    acknowledges_level = False  # by the old policy or by the new one is an assumption (H-30)
     hot, hot_word, flat = 0x04, "temperature", 0x01  # 4-2 NO 43
     pairs = (0x4155, 5356, 48)
 
@@ -315,6 +318,11 @@ def factory_bauds(family: Family) -> tuple[int, ...]:
 def other_bauds(model: type[Model]) -> list[int]:
     """Give some speeds that a model can be set to, without its factory speed."""
     return [baud for baud in SAMPLES[model.family.name].speeds if baud != factory_baud(model)]
+
+
+def unusual_baud(family: Family) -> int:
+    """Give a speed at which no model of a family leaves the factory."""
+    return next(baud for baud in SAMPLES[family.name].speeds if baud not in factory_bauds(family))
 
 
 def answer_levels(model: type[Model]) -> tuple[Answers, ...]:

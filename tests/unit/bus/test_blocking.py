@@ -21,6 +21,7 @@ from servobus import (
     deg,
     dynamixel1,
     herkulex,
+    lewansoul,
 )
 from servobus.core.replies import ReplyCollector
 from unit.scripted import Scripted
@@ -374,3 +375,17 @@ class TestSecondTry:
         start = port.now()
         bus.do(herkulex.ram_write(1, 53, b"\x01"), baud=115_200)
         assert port.now() - start > 0.2016  # Packet Garbage Check Period, HerkuleX manual 4-2 NO 35
+
+
+def test_native_operations_are_values_too() -> None:
+    with servobus.open("virtual:rx28@1-2?clock=virtual") as bus:
+        bus.do(dynamixel1.reg_write(1, 25, b"\x01"), baud=57_600)
+        bus.do(dynamixel1.reg_write(2, 25, b"\x01"))
+        bus.do(dynamixel1.action())
+        assert bus.do(dynamixel1.read_data(1, 25, 1)) == b"\x01"
+        with pytest.raises(Refused):
+            bus.do(dynamixel1.action(1))
+    with servobus.open("virtual:drs0602@219?clock=virtual") as bus:
+        assert bus.do(herkulex.stat(219)).status_error == herkulex.StatusError(0)
+    with servobus.open("virtual:lx16a@1?clock=virtual") as bus:
+        assert bus.do(lewansoul.query(1, lewansoul.Command.SERVO_ID_READ)) == (1,)

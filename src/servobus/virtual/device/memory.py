@@ -50,12 +50,16 @@ class Memory:
     # By register
 
     def __getitem__(self, register: Register[Any]) -> int:
-        register = self.model.own(register)
+        register = self.own(register)
         return self._get(register, self._slots[register].working)
 
     def __setitem__(self, register: Register[Any], raw: int) -> None:
-        register = self.model.own(register)
+        register = self.own(register)
         self.write(*self._slots[register].working, register.layout.pack(raw))
+
+    def own(self, register: Register[Any]) -> Register[Any]:
+        """Give the model's own row for a register; see `Model.own`."""
+        return register if register in self._slots else self.model.own(register)
 
     def store(self, register: Register[Any], raw: int) -> None:
         """Set the working and the stored value."""
@@ -143,11 +147,11 @@ class Stored:
         self._memory = memory
 
     def __getitem__(self, register: Register[Any]) -> int:
-        register = self._memory.model.own(register)
+        register = self._memory.own(register)
         return self._memory._get(register, self._memory._stored_slot(register))
 
     def __setitem__(self, register: Register[Any], raw: int) -> None:
-        register = self._memory.model.own(register)
+        register = self._memory.own(register)
         self._memory.write(*self._memory._stored_slot(register), register.layout.pack(raw))
 
 
