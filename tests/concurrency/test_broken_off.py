@@ -17,6 +17,7 @@ from servobus import Bus, deg
 from servobus.bus.asyncio import AsyncBus
 from unit.served import PATIENCE, Arm
 
+IDS = range(1, 5)
 OTHER = 3
 """Id of the servo that the other client reads."""
 MOST = 200
@@ -61,7 +62,8 @@ def test_a_task_cancelled_at_each_await(arm: Arm, name: str) -> None:
 
 async def _cancel_at_each(arm: Arm, job: Callable[[AsyncBus], Awaitable[Any]]) -> None:
     async with servobus.open_async(arm.name, echo=False) as bus:
-        await bus.scan(family="dynamixel", ids=range(1, 5))
+        for id in IDS:
+            bus.attach(servobus.RX28, id)
         await bus[1].torque_on()
         row, expected, polls = bus[OTHER].model.register("present_position"), truth(arm), 0
 
@@ -123,7 +125,8 @@ def _counted(owner: Any, name: str, count: Callable[[], None]) -> None:
 def test_ctrl_c_at_each_wait(arm: Arm, name: str) -> None:
     job, expected = JOBS[name], truth(arm)
     with servobus.open(arm.name, echo=False) as bus:
-        bus.scan(family="dynamixel", ids=range(1, 5))
+        for id in IDS:
+            bus.attach(servobus.RX28, id)
         bus[1].torque_on()
         row = bus[OTHER].model.register("present_position")
         stop, wrong = threading.Event(), list[object]()

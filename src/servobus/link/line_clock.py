@@ -29,7 +29,8 @@ class Timing:
 class LineClock:
     """The times of one line, in seconds of the transport's clock.
 
-    clear_at    when the last byte of the last request has left; 0 once it is answered, which shows that it has
+    clear_at    when the last byte of the last request has left, or of a reply that nothing waits for any more has come;
+                0 once the request is answered, which shows that it has left
     settled_at  from when on a change of speed cannot spoil what was sent: an adapter may send later than it was told
     changed_at  when the speed was last changed after something had been sent at the old one
     """
@@ -56,6 +57,13 @@ class LineClock:
     def note_began(self, at: float, size: int) -> None:
         """Note a request of so many bytes that began to leave at this time, behind nothing else: on the fast path."""
         self.clear_at = self.settled_at = at + size * self.byte_time
+
+    def note_broken_off(self, until: float) -> None:
+        """Note that the wait for a reply has ended although it may come until this time.
+
+        On one wire a request that is sent before would meet it, and spoil both.
+        """
+        self.clear_at = max(self.clear_at, until)
 
     def note_answered(self) -> None:
         """Note that the last request was answered, so it has left."""

@@ -249,6 +249,7 @@ class Link:
     def abandon(self) -> None:
         """Say that the wait for the reply to what `try_fast_send` sent has ended: the reply may still come."""
         self._clock.note_began(self._began, sum(len(exchange.request) for exchange in self._under_way))
+        self._clock.note_broken_off(self._began + self._timing.window)
         self.log.note_under_way(self._under_way)
         self._settle()
 
@@ -295,6 +296,8 @@ class Link:
             self.log.note_missed(collector.missing)  # they may still come, even if the wait for them was closed
             if collector.packets and collector.packets[-1] is not None:
                 self._clock.note_answered()
+            elif not collector.done:
+                self._clock.note_broken_off(self._deadline - self.latency.reply_margin)
             self._settle(unsure=unsure)
 
     def _with_probe(self, exchanges: Sequence[Exchange[Any]], begun: bytes | None) -> bytes:
