@@ -494,6 +494,3 @@ class BaseBus(Closed, Generic[S]):
         for servo in self._servos:
             if servo.id == packet.id and servo.baud == baud and servo.family.framing is exchange.framing:
                 servo.note_alarms(exchange.alarms(packet))
-
-
-_FAMILY_OF = {family.framing: family for family in registry.FAMILIES.values()}

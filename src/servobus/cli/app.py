@@ -103,7 +103,7 @@ class App(click.Group):
         except ServobusError as error:
             raise Fault(str(error)) from error
         except BrokenPipeError:
-            raise  # whoever read our output has seen enough; click ends without a word
+            raise  # the program that read our output has closed the pipe; click ends without a message
         except OSError as error:
             raise Fault(_explain(error)) from error
         except KeyboardInterrupt:

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from servobus import Bus, BusServo, ServobusError
-from servobus.cli.options import Where, find, on_servo, opened, verb
+from servobus.cli.options import Where, find, on_servo, open_port, verb
 from servobus.cli.output import note
 from servobus.core.present import value_text
 from servobus.errors import UsageError
@@ -27,7 +27,7 @@ def backup(port: str, id: int, where: Where, file: str | None, force: bool) -> N
     Without FILE a name like rx28-id1.toml is chosen; `-` prints it. The file is TOML, with the meaning of
     each value beside it. Backups are not replaced unless --force says so.
     """
-    with opened(port) as bus:
+    with open_port(port) as bus:
         saved = find(bus, where, id).backup()
     if file == "-":
         click.echo(saved.text(), nl=False)
@@ -47,7 +47,7 @@ def restore(port: str, id: int, where: Where, file: str, yes: bool) -> None:
     Id and speed stay as they are, so that a backup can go into a replacement.
     """
     saved = read_backup(Path(file))
-    with opened(port) as bus:
+    with open_port(port) as bus:
         servo = find(bus, where, id)
         changes = show_changes(bus, servo, saved)
         if not changes:

@@ -1,4 +1,4 @@
-"""`decode`: what bytes say."""
+"""`decode`: explain bytes, packet by packet."""
 
 import re
 import sys
@@ -65,7 +65,7 @@ def replay(content: bytes, name: str, family: str | None, model: str | None, *, 
         head = recording.header
         # What is said now counts more than what was said then, as a whole: another family has other models.
         said = (family, model) if family or model else (head.family, head.model)
-        whose, table = named(*said)
+        whose, table = find_family_and_model(*said)
     except UsageError as error:
         raise UsageError(f"{name}: {error}") from None
     if not json:
@@ -79,7 +79,7 @@ def replay(content: bytes, name: str, family: str | None, model: str | None, *, 
         note(f"{name}: the last line was cut off and is left out")
 
 
-def named(family: str | None, model: str | None) -> tuple[Family | None, type[Model] | None]:
+def find_family_and_model(family: str | None, model: str | None) -> tuple[Family | None, type[Model] | None]:
     """Find family and model as people name them. Raises UsageError if there is none, or they do not belong together."""
     known = registry.family(family) if family else None
     if not model:
@@ -92,11 +92,11 @@ def named(family: str | None, model: str | None) -> tuple[Family | None, type[Mo
 
 def _model(data: bytes, family: str | None, model: str | None) -> type[Model]:
     """Find whose packets and registers these are, from what is said of them or from the bytes."""
-    known, table = named(family, model)
-    return table or registry.first_model(known or guess(data))
+    known, table = find_family_and_model(family, model)
+    return table or registry.first_model(known or likely_family(data))
 
 
-def guess(data: bytes) -> Family:
+def likely_family(data: bytes) -> Family:
     """Choose the family whose framing finds most packets in the bytes."""
 
     def score(family: Family) -> tuple[int, int]:

@@ -11,7 +11,7 @@ import click
 
 from servobus import MODELS, BusServo, ServobusError
 from servobus.cli.demo_motion import SWING, DemoBus
-from servobus.cli.options import terminated_like_interrupted, verb
+from servobus.cli.options import sigterm_as_interrupt, verb
 from servobus.cli.output import console, note
 from servobus.core.units import show
 from servobus.errors import BadValue
@@ -40,7 +40,7 @@ def demo(seconds: float) -> None:
     """
     if not 0 < seconds <= 3600:
         raise BadValue(f"--seconds {seconds:g} is not in 0 .. 3600")
-    with terminated_like_interrupted(), ExitStack() as stack:
+    with sigterm_as_interrupt(), ExitStack() as stack:
         buses = [
             stack.enter_context(DemoBus(stack.enter_context(_served(f"{name}@{ids}")), MODELS[name], asked))
             for name, ids, asked in SERVOS
@@ -109,15 +109,15 @@ def _run(buses: Sequence[DemoBus], seconds: float) -> None:
 def _track_table(buses: Sequence[DemoBus]) -> "RenderableType":
     from rich.table import Table  # noqa: PLC0415 - slow to import, and only wanted on terminals
 
-    from servobus.cli.progress import angle, bar  # noqa: PLC0415 - needs rich
+    from servobus.cli.progress import angle_column, position_bar  # noqa: PLC0415 - needs rich
 
     table = Table.grid(padding=(0, 1))
     for one in buses:
         low, high = one.middle - 1.2 * SWING, one.middle + 1.2 * SWING
         for place, (id, track) in enumerate(list(one.tracks.items())):
             title = one.model.title if place == 0 else ""
-            way = bar(track.position, track.goal, low, high, 44)
-            table.add_row(title, f"id {id}", angle(track.position), way)
+            way = position_bar(track.position, track.goal, low, high, 44)
+            table.add_row(title, f"id {id}", angle_column(track.position), way)
     return table
 
 

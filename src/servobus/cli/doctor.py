@@ -1,4 +1,4 @@
-"""`doctor`: what is wrong, why, and what mends it."""
+"""`doctor`: what is wrong with a port and its servos, why, and what mends it."""
 
 import textwrap
 from contextlib import ExitStack
@@ -35,33 +35,33 @@ _INDENT = " " * 9
 def doctor(port: str, where: Where, ids: str, reads: int, json: bool) -> None:
     """Find out what is wrong with PORT and the servos on it. Moves nothing, changes nothing.
 
-    Looks at the port, its adapter and who uses it, then at the servos: who answers, twice the same id, supply,
+    Looks at the port, its adapter and what uses it, then at the servos: which answer, twice the same id, supply,
     heat, errors, and how many of N reads are lost. Says the cause first, then the command that mends it. If
-    nobody answers at the factory speeds, all others are tried. The exit code is 1 if something is wrong.
+    no servo answers at the factory speeds, all others are tried. The exit code is 1 if something is wrong.
     """
     if not 0 <= reads <= MOST_READS:
         raise BadValue(f"--reads {reads} is not in 0 .. {MOST_READS}")
     if not port.strip():
         raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
-    plan = Plan(list(where.rounds()), _spare(where), id_list(ids), reads, where.model)
+    plan = Plan(list(where.rounds()), _other_speeds(where), id_list(ids), reads, where.model)
     findings = []
     with ExitStack() as stack:
-        bar = Bar(stack)
-        for finding in examine(port, plan, bar.watch):
+        bar = ProgressBar(stack)
+        for finding in examine(port, plan, bar.update):
             bar.hide()
             findings.append(finding)
             if not json:
-                _tell(finding)
+                _print_finding(finding)
     if json:
         print_json([finding.entry() for finding in findings])
     else:
-        _sum_up(findings)
+        _print_summary(findings)
     if any(finding.level is Level.FAIL for finding in findings):
         raise click.exceptions.Exit(1)
 
 
-def _spare(where: Where) -> Rounds:
-    """List the speeds to try if nobody answers at the factory speeds, the likely ones of all families first."""
+def _other_speeds(where: Where) -> Rounds:
+    """List the speeds to try if no servo answers at the factory speeds, the likely ones of all families first."""
     if where.baud is not None:
         return ()
     rounds = [
@@ -71,7 +71,7 @@ def _spare(where: Where) -> Rounds:
     return [(family, (baud,)) for family, _, baud in rounds if baud not in registry.factory_bauds(family)]
 
 
-def _tell(finding: Finding) -> None:
+def _print_finding(finding: Finding) -> None:
     level = finding.level
     mark = click.style(f"{level.upper() if level is Level.FAIL else level:<8}", fg=_COLOURS[level], bold=True)
     first, *rest = _wrap(f"{finding.check}: {finding.what}")
@@ -87,14 +87,14 @@ def _wrap(text: str) -> list[str]:
     return textwrap.wrap(text, COLUMNS - len(_INDENT), break_long_words=False, break_on_hyphens=False)
 
 
-def _sum_up(findings: list[Finding]) -> None:
+def _print_summary(findings: list[Finding]) -> None:
     counts = {level: sum(finding.level is level for finding in findings) for level in (Level.FAIL, Level.WARN)}
     words = {Level.FAIL: "wrong", Level.WARN: "worth a look"}
     said = [f"{number} {words[level]}" for level, number in counts.items() if number]
     click.echo(", ".join(said) or "nothing is wrong")
 
 
-class Bar:
+class ProgressBar:
     """Shows on stderr how far something is, if that is a terminal; a finding takes it away."""
 
     def __init__(self, stack: ExitStack) -> None:
@@ -103,7 +103,7 @@ class Bar:
         self._stage = ""
         stack.callback(self.hide)
 
-    def watch(self, stage: str, done: int, total: int) -> None:
+    def update(self, stage: str, done: int, total: int) -> None:
         if not self._console.is_terminal:
             return
         if stage != self._stage:

@@ -4,7 +4,7 @@ import textwrap
 from typing import Any
 
 from servobus import BusServo, NoReply
-from servobus.cli.options import Where, as_json, find, on_servo, opened, verb
+from servobus.cli.options import Where, as_json, find, on_servo, open_port, verb
 from servobus.cli.output import console, print_json
 from servobus.core.present import value_entry, value_text
 from servobus.core.registers import Access, Register
@@ -22,7 +22,7 @@ ROOMY = 110
 @as_json
 def info(port: str, id: int, where: Where, json: bool) -> None:
     """Show all of the servo ID on PORT: its maker's data, every register, its alarms."""
-    with opened(port) as bus:
+    with open_port(port) as bus:
         servo = find(bus, where, id)
         servo.look()
         raws = _read_all(servo)

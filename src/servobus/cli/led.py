@@ -2,7 +2,7 @@
 
 import click
 
-from servobus.cli.options import Where, find, on_servo, opened, verb
+from servobus.cli.options import Where, find, on_servo, open_port, verb
 from servobus.cli.output import warn_alarms
 
 
@@ -14,7 +14,7 @@ def led(port: str, id: int, where: Where, colour: str) -> None:
 
     Colours are those the model has: green, blue, red, cyan, magenta, yellow and white on a HerkuleX.
     """
-    with opened(port) as bus:
+    with open_port(port) as bus:
         servo = find(bus, where, id)
         servo.led(colour.lower())
         click.echo(f"{servo.target}: light {colour.lower()}")

@@ -11,12 +11,12 @@ from servobus.cli.options import (
     SPEED,
     Where,
     as_json,
-    assignment,
+    check_unique,
     find_all,
     on_port,
-    once,
-    opened,
-    terminated_like_interrupted,
+    open_port,
+    sigterm_as_interrupt,
+    split_assignment,
     verb,
 )
 from servobus.cli.output import console, note, print_json
@@ -27,8 +27,8 @@ from servobus.errors import BadValue, UsageError
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-FRAME = 0.04
-"""s between two pictures of the way."""
+DRAW_PERIOD = 0.04
+"""s between two drawings of the way."""
 LONGEST = 3600.0
 """s that a move may take: nothing moves that slowly on purpose."""
 GRACE = 2.0
@@ -69,7 +69,7 @@ def move(
     if time is not None and time > LONGEST:
         raise BadValue(f"--time {time:g} is more than {LONGEST:g} s")
     angles = _goals(goals)
-    with opened(port) as bus, terminated_like_interrupted():
+    with open_port(port) as bus, sigterm_as_interrupt():
         servos = find_all(bus, where, list(angles))
         try:
             under_way = _start(bus, angles, time, speed, quiet=json)
@@ -77,23 +77,23 @@ def move(
                 if not json:
                     click.echo(f"moving for {under_way.duration:.2f} s")
             elif console().is_terminal and not json:
-                _watch(bus, servos, angles, under_way)
+                _show_progress(bus, servos, angles, under_way)
             else:
                 under_way.wait()
         except KeyboardInterrupt:
-            halt(servos)
+            stop_all(servos)
             raise click.exceptions.Exit(130) from None
         except MoveTimeout:
-            _report(bus, servos, angles, json=json)
+            _print_positions(bus, servos, angles, json=json)
             raise
         if json or not no_wait:
-            _report(bus, servos, angles, json=json)
+            _print_positions(bus, servos, angles, json=json)
 
 
 def _goals(texts: Sequence[str]) -> dict[int, float]:
     pairs = []
     for text in texts:
-        id, angle = assignment(text, "ID=ANGLE, such as 1=90")
+        id, angle = split_assignment(text, "ID=ANGLE, such as 1=90")
         if not id.isdecimal():
             raise click.UsageError(f"{id!r} is not an id: write ID=ANGLE, such as 1=90")
         try:
@@ -102,7 +102,7 @@ def _goals(texts: Sequence[str]) -> dict[int, float]:
             raise
         except ValueError as error:
             raise BadValue(f"id {id}: {error}") from None
-    once(id for id, _ in pairs)
+    check_unique(id for id, _ in pairs)
     return dict(pairs)
 
 
@@ -121,7 +121,7 @@ def _start(bus: Bus, angles: Mapping[int, float], time: float | None, speed: flo
     return Move(bus, planned)
 
 
-def halt(servos: Sequence[BusServo]) -> None:
+def stop_all(servos: Sequence[BusServo]) -> None:
     """Stop all of them, whatever else goes wrong."""
     note("")  # the terminal shows ^C: what comes next starts on a line of its own
     for servo in servos:
@@ -133,7 +133,7 @@ def halt(servos: Sequence[BusServo]) -> None:
             note(f"{servo.target} stopped")
 
 
-def _watch(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float], under_way: Move) -> None:
+def _show_progress(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float], under_way: Move) -> None:
     """Show the way until all have arrived. Raises MoveTimeout."""
     from rich.live import Live  # noqa: PLC0415 - slow to import, and only wanted on terminals
 
@@ -141,7 +141,7 @@ def _watch(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float], un
     end = clock.now() + under_way.duration
     with Live(console=console(), auto_refresh=False, transient=True) as live:
         while True:
-            live.update(_picture(servos, angles, bus.read_all("present_position")), refresh=True)
+            live.update(_progress_table(servos, angles, bus.read_all("present_position")), refresh=True)
             if clock.now() >= end:
                 try:
                     under_way.wait(timeout=0)
@@ -150,26 +150,26 @@ def _watch(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float], un
                         raise
                 else:
                     return
-            clock.sleep(FRAME)
+            clock.sleep(DRAW_PERIOD)
 
 
-def _picture(
+def _progress_table(
     servos: Sequence[BusServo], angles: Mapping[int, float], positions: ByServo[BusServo, float]
 ) -> "RenderableType":
     from rich.table import Table  # noqa: PLC0415 - slow to import, and only wanted on terminals
 
-    from servobus.cli.progress import angle, bar, reach  # noqa: PLC0415 - needs rich
+    from servobus.cli.progress import angle_column, goal_range, position_bar  # noqa: PLC0415 - needs rich
 
     table = Table.grid(padding=(0, 1))
     for servo in servos:
         here, goal = positions[servo], angles[servo.id]
-        way = bar(here, goal, *reach(servo.model), 32)
-        table.add_row(f"{servo.target}", angle(here), way, f"-> {angle(goal).strip()}")
+        way = position_bar(here, goal, *goal_range(servo.model), 32)
+        table.add_row(f"{servo.target}", angle_column(here), way, f"-> {angle_column(goal).strip()}")
     return table
 
 
-def _report(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float], *, json: bool) -> None:
-    """Say where all are."""
+def _print_positions(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float], *, json: bool) -> None:
+    """Print where all servos are."""
     positions = bus.read_all("present_position")
     if json:
         print_json(

@@ -1,4 +1,4 @@
-"""What the commands have in common: how a port, a servo and a value are named, and how they are found."""
+"""What the commands share: how ports, servos and values are typed, and how servos are found."""
 
 import contextlib
 import signal
@@ -96,7 +96,7 @@ SPEED = UnitType("deg/s", "rad/s")
 SHARE = UnitType("percent", "1")
 
 
-def assignment(text: str, kind: str) -> tuple[str, str]:
+def split_assignment(text: str, kind: str) -> tuple[str, str]:
     """Cut NAME=VALUE in two."""
     name, equals, value = text.partition("=")
     if not (name.strip() and equals and value.strip()):
@@ -118,7 +118,7 @@ def id_list(text: str) -> list[int]:
     return sorted(ids)
 
 
-def once(ids: Iterable[int]) -> None:
+def check_unique(ids: Iterable[int]) -> None:
     """Refuse an id that is named twice: it is not known which of the two was meant."""
     seen: set[int] = set()
     for id in ids:
@@ -185,9 +185,8 @@ class FamilyOption(click.Option):
     """An option that takes the name of a family; its help names those that are known, in place of {families}."""
 
     def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        if self.help is not None:
-            self.help = self.help.format(families=registry.names(registry.FAMILIES))
-        return super().get_help_record(ctx)
+        record = super().get_help_record(ctx)
+        return record and (record[0], record[1].format(families=registry.names(registry.FAMILIES)))
 
 
 def where_options(command: F) -> F:
@@ -227,8 +226,8 @@ def as_json(command: F) -> F:
     return click.option("--json", "json", is_flag=True, help="Print JSON.")(command)
 
 
-def opened(port: str) -> Bus:
-    """Open a port; with `with`."""
+def open_port(port: str) -> Bus:
+    """Open a port, for `with`. Raises BadValue if its name is empty."""
     if not port.strip():
         raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
     return servobus.open(port)
@@ -236,8 +235,8 @@ def opened(port: str) -> Bus:
 
 def find(bus: Bus, where: Where, id: int) -> BusServo:
     """Find one servo. Raises NoReply with what can be tried next."""
-    # A scan asks each id once, for most are not there. Who is named is expected there: one lost byte is no reason
-    # to say that it is not.
+    # A scan asks each id once, for most are not there. A servo that is named is expected to be there: after one lost
+    # byte it is asked again before it counts as missing.
     bus.models = where.model
     for _ in range(TRIES):
         for family, bauds in where.rounds():
@@ -262,15 +261,15 @@ def find_all(bus: Bus, where: Where, ids: Sequence[int]) -> list[BusServo]:
 
 
 @contextlib.contextmanager
-def terminated_like_interrupted() -> Iterator[None]:
-    """Let SIGTERM do what Ctrl-C does: whatever must be made safe is made safe on both ways out."""
+def sigterm_as_interrupt() -> Iterator[None]:
+    """Let SIGTERM raise KeyboardInterrupt, as Ctrl-C does, so that servos are made safe after both."""
 
     def stop(_signal: int, _frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
     try:
         old = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not the main thread: nobody sends it signals
+    except ValueError:  # not the main thread: it gets no signals
         yield
         return
     try:
@@ -280,7 +279,7 @@ def terminated_like_interrupted() -> Iterator[None]:
 
 
 def stop_on_signals() -> threading.Event:
-    """Give what is set by Ctrl-C, SIGTERM and the end of the terminal: all are the planned way to end."""
+    """Give an event that Ctrl-C, SIGTERM and the end of the terminal set, for commands that run until then."""
     stop = threading.Event()
 
     def handle(_signal: int, _frame: FrameType | None) -> None:

@@ -16,7 +16,7 @@ WIDE = 200
 
 
 def note(text: str) -> None:
-    """Tell people something beside the result."""
+    """Print a note beside the result, on standard error."""
     click.echo(text, err=True)
 
 
@@ -38,6 +38,6 @@ def console(*, stderr: bool = False) -> "Console":
 
 
 def warn_alarms(servo: BusServo) -> None:
-    """Say the alarms that stand beside what a servo answered."""
+    """Note the alarms that a servo reported beside its replies."""
     if servo.alarms:
         note(f"{servo.target}: ALARM {servo.alarm_text()}")

@@ -6,14 +6,14 @@ from servobus.core.units import show
 from servobus.families.base import Model
 
 
-def reach(model: type[Model]) -> tuple[float, float]:
+def goal_range(model: type[Model]) -> tuple[float, float]:
     """Give the lowest and highest goal of a model, rad."""
     row = model.register("goal_position")
     low, high = row.limits
     return row.decode(low), row.decode(high)
 
 
-def bar(position: float, goal: float | None, low: float, high: float, width: int) -> Text:
+def position_bar(position: float, goal: float | None, low: float, high: float, width: int) -> Text:
     """Draw a position between `low` and `high`, and the goal if there is one."""
 
     def column(angle: float) -> int:
@@ -30,7 +30,7 @@ def bar(position: float, goal: float | None, low: float, high: float, width: int
     return _put(line, here, "●", "bold cyan")
 
 
-def angle(value: float) -> str:
+def angle_column(value: float) -> str:
     """Write an angle in a column of its own."""
     return f"{show(value, 'rad'):>8}"
 

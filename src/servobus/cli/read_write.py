@@ -6,7 +6,7 @@ from typing import Any
 import click
 
 from servobus import Bus, BusServo
-from servobus.cli.options import Where, as_json, assignment, find, on_servo, opened, verb
+from servobus.cli.options import Where, as_json, find, on_servo, open_port, split_assignment, verb
 from servobus.cli.output import note, print_json, warn_alarms
 from servobus.core.present import json_value, unit_text, value_entry, value_text
 from servobus.core.registers import Register
@@ -27,7 +27,7 @@ def read(port: str, id: int, where: Where, names: tuple[str, ...], json: bool) -
 
     `servobus registers MODEL` lists their names; names like present_position work on every model.
     """
-    with opened(port) as bus:
+    with open_port(port) as bus:
         servo = find(bus, where, id)
         rows = [_readable(servo, name) for name in names]
         raws = servo.read_raw(rows)
@@ -56,10 +56,10 @@ def write(port: str, id: int, where: Where, settings: tuple[str, ...], save: boo
     Values are typed as `read` shows them: 90 or 90deg for an angle, on, 0x20, overload+overheating.
     Nothing is written unless all names and values are right.
     """
-    wanted = dict(assignment(setting, "REGISTER=VALUE, such as led=on") for setting in settings)
+    wanted = dict(split_assignment(setting, "REGISTER=VALUE, such as led=on") for setting in settings)
     if len(wanted) != len(settings):
         raise BadValue("a register is named twice")
-    with opened(port) as bus:
+    with open_port(port) as bus:
         servo = find(bus, where, id)
         values = {_readable(servo, name): value for name, value in wanted.items()}
         if len(values) != len(wanted):

@@ -2,7 +2,7 @@
 
 import click
 
-from servobus.cli.options import Where, find, on_servo, opened, verb
+from servobus.cli.options import Where, find, on_servo, open_port, verb
 from servobus.cli.output import warn_alarms
 from servobus.core.units import show
 
@@ -15,7 +15,7 @@ def rearm(port: str, id: int, where: Where) -> None:
     The alarm is cleared by the rule of the servo's family, and the goal becomes the present position, so nothing
     jumps. Refused while the cause is still there, such as a servo that is too hot; then the torque is off.
     """
-    with opened(port) as bus:
+    with open_port(port) as bus:
         servo = find(bus, where, id)
         servo.rearm()
         state = servo.look()

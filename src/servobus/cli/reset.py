@@ -8,7 +8,7 @@ import click
 
 from servobus import ServobusError
 from servobus.cli.backup import write_backup
-from servobus.cli.options import Where, find, on_servo, opened, verb
+from servobus.cli.options import Where, find, on_servo, open_port, verb
 from servobus.cli.output import note
 from servobus.errors import BadValue, UsageError
 from servobus.families import registry
@@ -33,7 +33,7 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
         keepable = dict.fromkeys(word for family in registry.FAMILIES.values() for word in family.keepable)
         if unknown := kept - keepable.keys():
             raise BadValue(f"--keep {', '.join(sorted(unknown))}: only {', '.join(keepable)} can be kept")
-    with opened(port) as bus:
+    with open_port(port) as bus:
         servo = find(bus, where, id)
         old_baud = servo.baud
         saved = servo.backup()
@@ -64,7 +64,7 @@ def reboot(port: str, id: int, where: Where) -> None:
 
     Few families have a command for that, as HerkuleX has; other servos are switched off and on.
     """
-    with opened(port) as bus:
+    with open_port(port) as bus:
         servo = find(bus, where, id)
         servo.reboot()
         servo.ping()

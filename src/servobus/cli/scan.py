@@ -1,4 +1,4 @@
-"""`scan`: who is on this port."""
+"""`scan`: which servos are on this port."""
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from servobus import Bus
-from servobus.cli.options import Where, as_json, id_list, on_port, opened, verb
+from servobus.cli.options import Where, as_json, id_list, on_port, open_port, verb
 from servobus.cli.output import console, note, print_json
 from servobus.core.ids import LAST_ID
 from servobus.families import registry
@@ -36,32 +36,32 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     """Look for servos on PORT, and at each that is found. Moves nothing, changes nothing.
 
     Each id is asked in each family at its factory speed; with `--baud all` at every speed that the family
-    has, which takes minutes on a real port. That nobody is there is an answer too: --json prints [] then.
+    has, which takes minutes on a real port. That no servo is there is a result too: --json prints [] then.
     """
     wanted = id_list(ids)
     rounds = list(where.rounds())
     if isinstance(where.baud, int) and not any(where.baud in registry.bauds(family) for family, _ in rounds):
-        typical_delay = ", ".join(family.name for family, _ in rounds)
-        note(f"{where.baud} baud is no usual speed of {typical_delay} servos; asking all the same")
-    with opened(port) as bus, ExitStack() as stack:
+        names = ", ".join(family.name for family, _ in rounds)
+        note(f"{where.baud} baud is no usual speed of {names} servos; asking all the same")
+    with open_port(port) as bus, ExitStack() as stack:
         bus.models = where.model
         total = len(wanted) * sum(len(bauds) for _, bauds in rounds)
-        bar = Bar(stack, total)
+        bar = ProgressBar(stack, total)
 
         def watch(progress: ScanProgress) -> None:
             if progress.found is not None and not json:
                 with bar.hidden():
-                    click.echo(_line(bus, progress.found))
+                    click.echo(_servo_text(bus, progress.found))
             bar.advance()
 
-        survey = ScanResult()
+        result = ScanResult()
         try:
             for family, bauds in rounds:
-                bus.do(scan_procedure([family], bauds, wanted, watch, survey, bus.identify))
+                bus.do(scan_procedure([family], bauds, wanted, watch, result, bus.identify))
         except KeyboardInterrupt:
             note("servobus: stopped; this is what was found so far")
-    found, troubles = survey.found, survey.troubles
-    _tell(troubles, found)
+    found, troubles = result.found, result.troubles
+    _note_problems(troubles, found)
     if json:
         print_json([servo_entry(one.family, one.model, one.id, one.baud, one.identity.firmware) for one in found])
     elif not found:
@@ -69,7 +69,7 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
         note(f"no servo answers (asked ids {ids}: {where}); {hint}")
 
 
-def _tell(troubles: list[ScanProblem], found: list[FoundServo]) -> None:
+def _note_problems(troubles: list[ScanProblem], found: list[FoundServo]) -> None:
     """Tell of answers that made no sense; of many, once: they have one cause more often than many."""
     for trouble in troubles[:SHOWN]:
         note(f"servobus: {trouble}")
@@ -79,14 +79,14 @@ def _tell(troubles: list[ScanProblem], found: list[FoundServo]) -> None:
         note(f"servobus: and {more} more unclear answers;{cause} `--family` asks one family alone")
 
 
-def _line(bus: Bus, found: FoundServo) -> str:
+def _servo_text(bus: Bus, found: FoundServo) -> str:
     if found.model is None:
         number = found.identity.number
         return f"id {found.id} at {found.baud}: {found.family.title} model {number}, not known here"
     return str(bus.adopt(found))
 
 
-class Bar:
+class ProgressBar:
     """Shows on stderr how far a scan is, if that is a terminal."""
 
     def __init__(self, stack: ExitStack, total: int) -> None:
@@ -105,7 +105,7 @@ class Bar:
 
     @contextmanager
     def hidden(self) -> Iterator[None]:
-        """Take the bar away while something else is printed, perhaps on the same terminal."""
+        """Remove the bar while something else is printed, perhaps on the same terminal."""
         if self._bar is not None:
             self._bar.stop()
         yield

@@ -2,7 +2,7 @@
 
 import click
 
-from servobus.cli.options import ID, Where, find, on_port, on_servo, opened, verb
+from servobus.cli.options import ID, Where, find, on_port, on_servo, open_port, verb
 from servobus.families import registry
 
 
@@ -15,7 +15,7 @@ def set_id(port: str, where: Where, old: int, new: int) -> None:
 
     New servos all have the same id: connect one alone, give it an id of its own, then the next.
     """
-    with opened(port) as bus:
+    with open_port(port) as bus:
         servo = find(bus, where, old)
         servo.change_id(new)
         click.echo(f"{servo.model.title} id {old} is now id {new}")
@@ -29,7 +29,7 @@ def set_baud(port: str, id: int, where: Where, new: int) -> None:
 
     All servos on one bus should have the same speed.
     """
-    with opened(port) as bus:
+    with open_port(port) as bus:
         servo = find(bus, where, id)
         old = servo.baud
         servo.change_baud(new)

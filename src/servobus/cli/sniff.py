@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import click
 
-from servobus.cli.decode import named
+from servobus.cli.decode import find_family_and_model
 from servobus.cli.options import BAUD, FamilyOption, as_json, stop_on_signals, verb
 from servobus.cli.output import compact, note
 from servobus.cli.packets import print_events, print_summary
@@ -89,7 +89,7 @@ def sniff(
         raise UsageError("--app needs a pseudo terminal, and Windows has none; listen with a second adapter instead")
     if not port.strip():
         raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
-    known_family, known_model = named(family, model)
+    known_family, known_model = find_family_and_model(family, model)
     speed = baud or _factory_baud(known_family, known_model)
     head = Header(
         port,

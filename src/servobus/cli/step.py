@@ -12,16 +12,16 @@ import click
 import servobus
 from servobus import MODELS, BusServo, UsageError, deg
 from servobus.cli import plot
-from servobus.cli.move import halt
+from servobus.cli.move import stop_all
 from servobus.cli.options import (
     ANGLE,
     SECONDS,
     Where,
     as_json,
-    assignment,
     find,
-    opened,
-    terminated_like_interrupted,
+    open_port,
+    sigterm_as_interrupt,
+    split_assignment,
     verb,
     where_options,
 )
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     from servobus.virtual.device.servo import VirtualServo
     from servobus.virtual.serve.inprocess import VirtualPort
 
-GRAIN = 0.001
+SAMPLE_PERIOD = 0.001
 """s between two samples of a virtual servo."""
-REST = 0.5
+SETTLE_TIME = 0.5
 """s that a virtual servo is given to come to rest before the step."""
 RETURN_SPEED = 60 * deg
 """rad/s at which a real servo goes back."""
@@ -96,13 +96,13 @@ def step(
             raise click.UsageError(f"{what} is a port: name the ID of a servo on it too, as in {what} 1")
         if limits is not None:
             raise click.UsageError("--limits are for real servos; a virtual one breaks nothing")
-        response, title = _virtual(what, to, start, time_, seconds, settings, load, voltage, motor)
+        response, title = _virtual_response(what, to, start, time_, seconds, settings, load, voltage, motor)
     else:
         for name, value in (("--load", load), ("--voltage", voltage), ("--motor", motor), ("--start", start)):
             if value is not None:
                 raise click.UsageError(f"{name} is for virtual servos: `servobus step MODEL ...`")
-        response, title = _real(what, check_id(id), where, to, time_, seconds, settings, limits)
-    _report(response, title, json=json)
+        response, title = _real_response(what, check_id(id), where, to, time_, seconds, settings, limits)
+    _print_figures(response, title, json=json)
     if picture is not None:
         plot.draw(response, title, picture)
         note(f"drawn: {picture}")
@@ -115,7 +115,7 @@ def _is_port(what: str) -> bool:
 # A virtual servo
 
 
-def _virtual(
+def _virtual_response(
     name: str,
     to: float | None,
     start: float | None,
@@ -136,14 +136,14 @@ def _virtual(
         servo = bus.find(1, family=model.family)
         _set(servo, settings)
         servo.torque_on()
-        port.sleep(REST)
+        port.sleep(SETTLE_TIME)
         here = servo.look().position
         goal = here + 45 * deg if to is None else to
         begin = port.now()
         servo.start_move(goal, time=duration or SHORTEST)
         samples = [_sample(port.servos[0], port.now() - begin)]
         while port.now() - begin < seconds:
-            port.sleep(GRAIN)
+            port.sleep(SAMPLE_PERIOD)
             samples.append(_sample(port.servos[0], port.now() - begin))
     return Response(here, goal, tuple(samples), model.sheet.resolution), f"{model.title}, virtual"
 
@@ -159,7 +159,7 @@ def _sample(servo: "VirtualServo", moment: float) -> Sample:
 # A real one
 
 
-def _real(
+def _real_response(
     port: str,
     id: int,
     where: Where,
@@ -169,7 +169,7 @@ def _real(
     settings: tuple[str, ...],
     limits: tuple[float, float] | None,
 ) -> tuple[Response, str]:
-    with opened(port) as bus, terminated_like_interrupted():
+    with open_port(port) as bus, sigterm_as_interrupt():
         servo = find(bus, where, id)
         state = servo.look()
         here = state.position
@@ -180,7 +180,7 @@ def _real(
             raise BadValue(f"{servo.target}: the way from {way} leaves {show(low, 'rad')} .. {show(high, 'rad')}")
         _set(servo, settings)
         samples: list[Sample] = []
-        with _as_it_was(servo, torque=state.torque):
+        with _torque_restored(servo, torque=state.torque):
             begin = time.monotonic()
             servo.start_move(goal, time=duration or SHORTEST)
             row = servo.model.register("present_position")
@@ -191,7 +191,7 @@ def _real(
 
 
 def _ask_limits(servo: BusServo, here: float) -> tuple[float, float]:
-    """Ask how far the servo may go; whoever does not know must not jump there."""
+    """Ask how far the servo may go: a step is as fast as the servo can, and may hit something."""
     note(f"{servo.target} is at {show(here, 'rad')} and will jump as fast as it can.")
     low = click.prompt("lowest angle that is safe", type=ANGLE, err=True)
     high = click.prompt("highest angle that is safe", type=ANGLE, err=True)
@@ -199,16 +199,16 @@ def _ask_limits(servo: BusServo, here: float) -> tuple[float, float]:
 
 
 @contextlib.contextmanager
-def _as_it_was(servo: BusServo, *, torque: bool) -> Iterator[None]:
+def _torque_restored(servo: BusServo, *, torque: bool) -> Iterator[None]:
     """Torque on inside; afterwards as it was, and so is the speed that moves set in some. What fails stops it first."""
     speed = servo.model.optional("goal_speed")
-    pace = None if speed is None else servo.read(speed)
+    old_speed = None if speed is None else servo.read(speed)
     try:
         if not torque:
             servo.torque_on()
         yield
     except KeyboardInterrupt:
-        halt([servo])
+        stop_all([servo])
         raise click.exceptions.Exit(130) from None
     except ServobusError:
         servo.stop()
@@ -217,13 +217,13 @@ def _as_it_was(servo: BusServo, *, torque: bool) -> Iterator[None]:
         if not torque:
             servo.torque_off()
         if speed is not None:
-            servo.write(speed, pace)
+            servo.write(speed, old_speed)
 
 
 def _set(servo: BusServo, settings: tuple[str, ...]) -> None:
     values: dict[Any, Any] = {}
     for text in settings:
-        name, value = assignment(text, "REGISTER=VALUE, such as position_kp=200")
+        name, value = split_assignment(text, "REGISTER=VALUE, such as position_kp=200")
         register = servo.model.register(name)
         if register in values:
             raise UsageError(f"{name} is set twice")
@@ -231,10 +231,10 @@ def _set(servo: BusServo, settings: tuple[str, ...]) -> None:
     servo.write_many(values)
 
 
-# Telling
+# Printing
 
 
-def _report(response: Response, title: str, *, json: bool) -> None:
+def _print_figures(response: Response, title: str, *, json: bool) -> None:
     figures = response.figures()
     rows = (
         ("rise_time", figures.rise_time, "s", "10 % to 90 % of the way"),

@@ -1,4 +1,4 @@
-"""`stop` and `torque`: what holds a servo, and what lets it go."""
+"""`stop` and `torque`: stop servos, and switch their torque."""
 
 from collections.abc import Callable
 from typing import Literal
@@ -10,10 +10,10 @@ from servobus.cli.options import (
     ALL,
     ID_OR_ALL,
     Where,
+    check_unique,
     find_all,
     on_port,
-    once,
-    opened,
+    open_port,
     verb,
 )
 from servobus.cli.output import note, warn_alarms
@@ -41,7 +41,7 @@ def stop(port: str, where: Where, ids: Ids) -> None:
     """
     failed: list[str] = []
 
-    def halt(servo: BusServo) -> None:
+    def stop_one(servo: BusServo) -> None:
         try:
             servo.stop()
         except ServobusError as error:
@@ -49,12 +49,12 @@ def stop(port: str, where: Where, ids: Ids) -> None:
         else:
             click.echo(f"{servo.target} stopped")
 
-    with opened(port) as bus:
-        if wanted := _numbers(ids):
+    with open_port(port) as bus:
+        if wanted := _named_ids(ids):
             for servo in find_all(bus, where, wanted):
-                halt(servo)
+                stop_one(servo)
         else:
-            _everyone(bus, where, halt)
+            _find_every_servo(bus, where, stop_one)
     if failed:
         raise ServobusError("; ".join(failed))
 
@@ -73,12 +73,12 @@ def torque(port: str, where: Where, ids: Ids, state: str) -> None:
     On: each holds where it is, nothing jumps. Off: each shaft turns freely, so support what it carries.
     `all off` is one broadcast per family, which every servo obeys at once and none answers.
     """
-    wanted = _numbers(ids)
-    with opened(port) as bus:
+    wanted = _named_ids(ids)
+    with open_port(port) as bus:
         if not wanted and state == "off":
-            _release_all(bus, where)
+            _broadcast_torque_off(bus, where)
             return
-        servos = find_all(bus, where, wanted) if wanted else _everyone(bus, where, lambda _: None)
+        servos = find_all(bus, where, wanted) if wanted else _find_every_servo(bus, where, lambda _: None)
         if state == "on":
             bus.torque_on(servos)
         else:
@@ -88,18 +88,18 @@ def torque(port: str, where: Where, ids: Ids, state: str) -> None:
             warn_alarms(servo)
 
 
-def _numbers(ids: Ids) -> list[int]:
+def _named_ids(ids: Ids) -> list[int]:
     """Give the ids that are named, none for `all`."""
     if ALL in ids:
         if len(ids) > 1:
             raise click.UsageError("say either ids or `all`")
         return []
     numbers = [id for id in ids if isinstance(id, int)]
-    once(numbers)
+    check_unique(numbers)
     return numbers
 
 
-def _everyone(bus: Bus, where: Where, at_once: Callable[[BusServo], None]) -> list[BusServo]:
+def _find_every_servo(bus: Bus, where: Where, then: Callable[[BusServo], None]) -> list[BusServo]:
     """Find every servo, and do something with each as soon as it is found. Raises NoReply if there is none."""
     servos: list[BusServo] = []
 
@@ -107,9 +107,9 @@ def _everyone(bus: Bus, where: Where, at_once: Callable[[BusServo], None]) -> li
         found = progress.found
         if found is None or found.model is None:
             return
-        # A watcher may use the bus: nothing is on its way while it is called.
+        # Nothing is on the line while a watcher is called, so it may use the bus.
         servo = bus.attach(found.model, found.id, baud=found.baud, answers=found.identity.answers)
-        at_once(servo)
+        then(servo)
         servos.append(servo)
 
     bus.models = where.model
@@ -120,7 +120,7 @@ def _everyone(bus: Bus, where: Where, at_once: Callable[[BusServo], None]) -> li
     return servos
 
 
-def _release_all(bus: Bus, where: Where) -> None:
+def _broadcast_torque_off(bus: Bus, where: Where) -> None:
     for family, bauds in where.rounds():
         # One broadcast for each place at which models of this family have their torque.
         models = {model.register("torque_enable").place: model for model in where.models_of(family)}
@@ -129,4 +129,4 @@ def _release_all(bus: Bus, where: Where) -> None:
                 everyone = KnownServo.of(ServoRef(BROADCAST, model, Answers.READS), baud)
                 bus.do(family.torque(everyone, on=False), baud=baud)
     click.echo(f"torque off: told every servo ({where})")
-    note("nobody answers a broadcast; `servobus scan` shows who obeyed")
+    note("no servo answers a broadcast; `servobus scan` shows which obeyed")

@@ -1,4 +1,4 @@
-"""`turn`: wheels."""
+"""`turn`: endless turn, as a wheel."""
 
 import shlex
 
@@ -12,8 +12,8 @@ from servobus.cli.options import (
     Where,
     find,
     on_servo,
-    opened,
-    terminated_like_interrupted,
+    open_port,
+    sigterm_as_interrupt,
     verb,
 )
 from servobus.cli.output import note, warn_alarms
@@ -51,27 +51,27 @@ def turn(
         raise click.UsageError("say one of --output, --speed and --end")
     if limits is not None and not end:
         raise click.UsageError("--limits goes with --end")
-    with opened(port) as bus, terminated_like_interrupted():
+    with open_port(port) as bus, sigterm_as_interrupt():
         servo = find(bus, where, id)
         if end:
             if limits is not None:
-                _check(servo, *limits)
+                _check_limits(servo, *limits)
             servo.position_mode(limits)
-            click.echo(f"{servo.target} takes angles again; it is at {_here(servo)}")
+            click.echo(f"{servo.target} takes angles again; it is at {_position_text(servo)}")
         else:
-            _check_kind(servo, speed)
+            _check_option(servo, speed)
             _turn(bus, servo, output, speed)
         warn_alarms(servo)
 
 
-def _check(servo: BusServo, low: float, high: float) -> None:
+def _check_limits(servo: BusServo, low: float, high: float) -> None:
     for name, angle in (("min_position", low), ("max_position", high)):
         servo.model.register(name).encode(angle)
     if low >= high:
         raise BadValue(f"--limits: {show(low, 'rad')} is not below {show(high, 'rad')}")
 
 
-def _check_kind(servo: BusServo, speed: float | None) -> None:
+def _check_option(servo: BusServo, speed: float | None) -> None:
     if servo.model.turns_at_speed() and speed is None:
         raise UsageError(f"{servo.target} controls the speed at which it turns: give --speed DEG/S")
     if speed is not None and not servo.model.turns_at_speed():
@@ -107,5 +107,5 @@ def _turn(bus: Bus, servo: BusServo, output: float | None, speed: float | None) 
         note(f"back to angles: servobus turn {port} {servo.id} --end --limits {low} {high}")
 
 
-def _here(servo: BusServo) -> str:
+def _position_text(servo: BusServo) -> str:
     return show(servo.read(servo.model.register("present_position")), "rad")

@@ -110,7 +110,7 @@ def virtual(
     if show and not sys.stderr.isatty():
         raise click.UsageError("--show needs a terminal")
     if pty and tcp:
-        raise click.UsageError("give either --pty or --tcp")
+        raise click.UsageError("say either --pty or --tcp")
     if isinstance(baud, str):
         raise click.UsageError("--baud: servos have one speed, not all")
     servos = parse_specs(",".join(specs))

@@ -1,7 +1,7 @@
 """What is wrong with a port and the servos on it: the cause first, then the commands that mend it.
 
-Each check gives findings. `examine` makes all checks in the order in which one thing rests on the other: the port,
-who may open it and who has it, the adapter, the servos, what they say of themselves, and how many answers are lost.
+Each check gives findings. `examine` makes all checks in the order in which one thing rests on the other: the port, who
+may open it and which programs have it open, the adapter, the servos, what they report, and how many answers are lost.
 It moves nothing, switches no torque and writes to no servo.
 """
 
@@ -11,7 +11,7 @@ from servobus import connect
 from servobus.doctor.findings import Finding, Level, Watcher
 from servobus.doctor.health import health
 from servobus.doctor.losses import losses
-from servobus.doctor.port import opened, system
+from servobus.doctor.port import check_open_port, check_system
 from servobus.doctor.search import Plan, Rounds, search
 from servobus.errors import PortError, PortLost
 from servobus.families.base import Answers
@@ -19,14 +19,14 @@ from servobus.families.base import Answers
 
 def examine(port: str, plan: Plan, watch: Watcher = lambda *_: None) -> Iterator[Finding]:
     """Make all checks of a port, as far as they get. Raises UsageError for a name that is no port."""
-    for finding in system(port):
+    for finding in check_system(port):
         yield finding
         if finding.level is Level.FAIL:
             return  # it could not be opened
     try:
         with connect.open(port) as bus:
             bus.models = plan.models
-            yield from opened(bus)
+            yield from check_open_port(bus)
             there = yield from search(bus, plan, watch)
             if willing := [servo for servo in there if servo.target.answers is not Answers.NOTHING]:
                 # Reading comes first: some errors show themselves only after a while.

@@ -1,4 +1,4 @@
-"""A finding as a value, and the words that findings have in common."""
+"""A finding as a value, and what all checks build findings with."""
 
 import shlex
 from collections.abc import Callable, Iterable
@@ -71,8 +71,8 @@ def at(family: Family, baud: int) -> str:
     return "" if baud in registry.factory_bauds(family) else f"--baud {baud}"
 
 
-def twins(port: str, what: str, servo: tuple[Family, int, int], taken: Iterable[int]) -> Finding:
-    """Suspect that two servos have one id: they answer at once and garble each other.
+def duplicate_id(port: str, what: str, servo: tuple[Family, int, int], taken: Iterable[int]) -> Finding:
+    """Give the finding that two servos may have one id: they answer at once and garble each other.
 
     `servo` is the family, the id and the speed in question; `taken` are the ids that are in use.
     """

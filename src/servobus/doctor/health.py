@@ -1,4 +1,4 @@
-"""What servos say of themselves: supply, heat, and errors that stay."""
+"""What servos report: supply, heat, and errors that stay."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -24,8 +24,8 @@ _REARM = ("rearm", "$id")
 
 
 @dataclass(frozen=True, slots=True)
-class Complaint:
-    """What is wrong with one servo. Servos with the same complaint are told together.
+class Problem:
+    """What is wrong with one servo. Servos with the same problem become one finding.
 
     value  what was measured, and its unit; None if the words say it
     mends  words of each command that mends it, $id among them
@@ -47,13 +47,13 @@ class Complaint:
 
 def health(bus: Bus, servos: list[BusServo]) -> Iterator[Finding]:
     """Check voltage, temperature and latched errors. Changes nothing."""
-    complaints: list[Complaint] = []
+    problems: list[Problem] = []
     heard: list[BusServo] = []
     for servo in servos:
         try:
-            complaints += _ask(servo)
+            problems += _ask(servo)
         except BusError as error:
-            complaints.append(Complaint(servo, Level.UNKNOWN, "errors", None, f"did not tell ({error})", ""))
+            problems.append(Problem(servo, Level.UNKNOWN, "errors", None, f"did not tell ({error})", ""))
         else:
             heard.append(servo)
     states = [servo.state for servo in heard if servo.state is not None]
@@ -65,10 +65,10 @@ def health(bus: Bus, servos: list[BusServo]) -> Iterator[Finding]:
         "errors": list(_without_errors(heard)),
     }
     for check, findings in fine.items():
-        yield from _together(bus, [one for one in complaints if one.check == check]) or findings
+        yield from _together(bus, [one for one in problems if one.check == check]) or findings
 
 
-def _ask(servo: BusServo) -> list[Complaint]:
+def _ask(servo: BusServo) -> list[Problem]:
     state = servo.look()
     rows = [servo.model.register(name) for name in ("min_voltage", "max_voltage", "max_temperature")]
     low, high, hot = servo.read_many(rows).values()
@@ -78,24 +78,24 @@ def _ask(servo: BusServo) -> list[Complaint]:
     return [*_voltage(servo, state.voltage, low, high), *_heat(servo, state.temperature, hot), *_errors(servo, limit)]
 
 
-def _voltage(servo: BusServo, volts: float, low: float, high: float) -> Iterator[Complaint]:
+def _voltage(servo: BusServo, volts: float, low: float, high: float) -> Iterator[Problem]:
     least, most = servo.model.sheet.voltage
     if not low <= volts <= high:
         words = f"is outside {show(low, 'V')} .. {show(high, 'V')}, the limits set in it"
-        yield Complaint(servo, Level.FAIL, "voltage", (volts, "V"), words, _WEAK if volts < low else _STRONG)
+        yield Problem(servo, Level.FAIL, "voltage", (volts, "V"), words, _WEAK if volts < low else _STRONG)
     elif not least <= volts <= most:
         words = f"is outside {show(least, 'V')} .. {show(most, 'V')}, what its maker allows"
-        yield Complaint(servo, Level.WARN, "voltage", (volts, "V"), words, _WEAK if volts < least else _STRONG)
+        yield Problem(servo, Level.WARN, "voltage", (volts, "V"), words, _WEAK if volts < least else _STRONG)
 
 
-def _heat(servo: BusServo, degrees: float, hot: float) -> Iterator[Complaint]:
+def _heat(servo: BusServo, degrees: float, hot: float) -> Iterator[Problem]:
     if degrees > hot - WARM:
         level = Level.FAIL if degrees > hot else Level.WARN
         words = f"where {show(hot, 'degC')} is the limit set in it"
-        yield Complaint(servo, level, "temperature", (degrees, "degC"), words, _HOT, (("torque", "$id", "off"),))
+        yield Problem(servo, level, "temperature", (degrees, "degC"), words, _HOT, (("torque", "$id", "off"),))
 
 
-def _errors(servo: BusServo, limit: float | None) -> Iterator[Complaint]:
+def _errors(servo: BusServo, limit: float | None) -> Iterator[Problem]:
     """Tell of alarms in the answers, and of a shutdown, which takes the torque limit away."""
     if servo.alarms:
         said = servo.alarm_text()
@@ -105,10 +105,10 @@ def _errors(servo: BusServo, limit: float | None) -> Iterator[Complaint]:
         level, cause = Level.FAIL, _STAYS if stays else _ENDS
         if said == "invalid_packet":  # of all errors the one that asking may have caused; it takes no torque
             level, cause, mends = Level.WARN, _FOREIGN, mends[:1]
-        yield Complaint(servo, level, "errors", None, said, cause, mends)
+        yield Problem(servo, level, "errors", None, said, cause, mends)
     if limit == 0:
         words = "the torque limit is 0, so nothing moves"
-        yield Complaint(servo, Level.FAIL, "errors", None, words, _SHUT, (_REARM,))
+        yield Problem(servo, Level.FAIL, "errors", None, words, _SHUT, (_REARM,))
 
 
 def _without_errors(servos: list[BusServo]) -> Iterator[Finding]:
@@ -119,14 +119,14 @@ def _without_errors(servos: list[BusServo]) -> Iterator[Finding]:
         yield Finding(Level.UNKNOWN, "errors", f"{' and '.join(sorted(mute))} cannot be asked for them")
 
 
-def _together(bus: Bus, complaints: list[Complaint]) -> list[Finding]:
-    groups: dict[tuple[object, ...], list[Complaint]] = {}
-    for one in complaints:
+def _together(bus: Bus, problems: list[Problem]) -> list[Finding]:
+    groups: dict[tuple[object, ...], list[Problem]] = {}
+    for one in problems:
         groups.setdefault(one.key, []).append(one)
     return [_told(bus.transport.name, group) for group in groups.values()]
 
 
-def _told(port: str, group: list[Complaint]) -> Finding:
+def _told(port: str, group: list[Problem]) -> Finding:
     one, servo = group[0], group[0].servo
     ids = [member.servo.id for member in group]
     value = ""

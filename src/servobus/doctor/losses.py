@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from servobus.bus.blocking import Bus, BusServo
 from servobus.core.exchange import Exchange, Procedure
-from servobus.doctor.findings import Finding, Level, Watcher, twins
+from servobus.doctor.findings import Finding, Level, Watcher, duplicate_id
 from servobus.errors import BadChecksum, BusError, Garbled, NoReply, WrongReply
 
 T = TypeVar("T")
@@ -32,7 +32,7 @@ _QUANTILES = (("median", 0.5), ("p99", 0.99), ("longest", 1.0))
 
 
 @dataclass(slots=True)
-class ServoTraffic:
+class ReadCounts:
     """Reads that were counted: how long each took in seconds, and why others were lost."""
 
     times: list[float] = field(default_factory=list)
@@ -52,63 +52,63 @@ class ServoTraffic:
 
 def losses(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher) -> Iterator[Finding]:
     """Read positions so many times in all, and say how many answers were lost."""
-    tally = count(bus, servos, reads, watch)
+    counts = count(bus, servos, reads, watch)
     taken = [servo.id for servo in servos]
-    for servo, lost in tally.by_servo.items():
+    for servo, lost in counts.by_servo.items():
         if sum(lost[kind] for kind in _UNCLEAR) >= HOPELESS:
             what = f"{servo.target}: its answers are garbled again and again"
-            yield twins(bus.transport.name, what, (servo.family, servo.id, servo.baud), taken)
-    yield _sum_up(tally)
+            yield duplicate_id(bus.transport.name, what, (servo.family, servo.id, servo.baud), taken)
+    yield _summary(counts)
 
 
-def _sum_up(tally: ServoTraffic) -> Finding:
+def _summary(counts: ReadCounts) -> Finding:
     times = []
-    if tally.times:
-        took = ", ".join(f"{name} {1000 * tally.quantile(share):.2f} ms" for name, share in _QUANTILES)
+    if counts.times:
+        took = ", ".join(f"{name} {1000 * counts.quantile(share):.2f} ms" for name, share in _QUANTILES)
         times = [f"answers after {took}"]
-    lost = tally.lost.total()
+    lost = counts.lost.total()
     if not lost:
-        return Finding(Level.OK, "reads", "; ".join([f"{tally.reads}, none lost", *times]))
-    kinds = ", ".join(f"{number} {kind}" for kind, number in tally.lost.most_common())
-    what = [f"{lost} of {tally.reads} lost ({100 * lost / tally.reads:.1f} %): {kinds}"]
-    if len(tally.by_servo) > 1:
-        worst = max(tally.by_servo, key=lambda servo: tally.by_servo[servo].total())
-        what.append(f"worst is {worst.target} with {tally.by_servo[worst].total()}")
-    level = Level.FAIL if lost >= LOSSY * tally.reads else Level.WARN
-    return Finding(level, "reads", "; ".join(what + times), _CAUSES[tally.lost.most_common(1)[0][0]])
+        return Finding(Level.OK, "reads", "; ".join([f"{counts.reads}, none lost", *times]))
+    kinds = ", ".join(f"{number} {kind}" for kind, number in counts.lost.most_common())
+    what = [f"{lost} of {counts.reads} lost ({100 * lost / counts.reads:.1f} %): {kinds}"]
+    if len(counts.by_servo) > 1:
+        worst = max(counts.by_servo, key=lambda servo: counts.by_servo[servo].total())
+        what.append(f"worst is {worst.target} with {counts.by_servo[worst].total()}")
+    level = Level.FAIL if lost >= LOSSY * counts.reads else Level.WARN
+    return Finding(level, "reads", "; ".join(what + times), _CAUSES[counts.lost.most_common(1)[0][0]])
 
 
-def count(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher = lambda *_: None) -> ServoTraffic:
+def count(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher = lambda *_: None) -> ReadCounts:
     """Read the position of each servo, so many times in all, and count what is lost. Nothing is asked twice."""
-    tally = ServoTraffic()
+    counts = ReadCounts()
     share, rest = divmod(reads, len(servos))
     done = 0
     for number, servo in enumerate(servos):
         row = servo.model.register("present_position")
-        lost = tally.by_servo.setdefault(servo, Counter())
+        lost = counts.by_servo.setdefault(servo, Counter())
         missed = 0
         with suppress(BusError):  # what follows a change of speed is no part of what is measured
             bus.do(servo.family.ping(servo.id).no_retry(), baud=servo.baud)
         for _ in range(share + (number < rest)):
             start = bus.transport.now()
             try:
-                bus.do(_once(servo.family.read(servo.target, [row])), baud=servo.baud)
+                bus.do(_without_retries(servo.family.read(servo.target, [row])), baud=servo.baud)
             except BusError as error:
                 kind = next(name for error_type, name, _ in _KINDS if isinstance(error, error_type))
-                tally.lost[kind] += 1
+                counts.lost[kind] += 1
                 lost[kind] += 1
                 missed += 1
             else:
-                tally.times.append(bus.transport.now() - start)
+                counts.times.append(bus.transport.now() - start)
                 missed = 0
             done += 1
             watch("reading", done, reads)
             if missed == HOPELESS:
                 break
-    return tally
+    return counts
 
 
-def _once(job: Procedure[T]) -> Procedure[T]:
+def _without_retries(job: Procedure[T]) -> Procedure[T]:
     """Carry out a job without the second tries that would hide what is lost."""
     result: Any = None
     while True:

@@ -1,4 +1,4 @@
-"""What the system tells of a port: may it be opened, who has it, and how fast its adapter is."""
+"""What the system tells of a port: may it be opened, which programs have it open, and how fast its adapter is."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,8 +11,8 @@ from servobus.transports import usb_adapter as facts
 RULES = "/etc/udev/rules.d/99-servobus.rules"
 
 
-def system(port: str, root: Path = facts.ROOT) -> Iterator[Finding]:
-    """Check a port that is not open. Of ports that the system does not know there is nothing to say."""
+def check_system(port: str, root: Path = facts.ROOT) -> Iterator[Finding]:
+    """Check a port that is not open. Gives nothing for ports that the system does not know."""
     if port.startswith(VIRTUAL):
         return
     access = facts.access(port, root)
@@ -35,7 +35,7 @@ def system(port: str, root: Path = facts.ROOT) -> Iterator[Finding]:
         yield _timer(about)
 
 
-def opened(bus: Bus) -> Iterator[Finding]:
+def check_open_port(bus: Bus) -> Iterator[Finding]:
     """Check what opening a port has shown."""
     about: facts.Adapter | None = getattr(bus.transport, "adapter", None)
     if about is None:

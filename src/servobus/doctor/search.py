@@ -1,4 +1,4 @@
-"""Who answers, at which speeds, and whether each is there once."""
+"""Which servos answer, at which speeds, and whether each id is there once."""
 
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from servobus.bus.blocking import Bus, BusServo
 from servobus.core.ids import LAST_ID
-from servobus.doctor.findings import SHOWN, Finding, Level, Watcher, at, command, id_list, twins
+from servobus.doctor.findings import SHOWN, Finding, Level, Watcher, at, command, duplicate_id, id_list
 from servobus.errors import Garbled
 from servobus.families import registry
 from servobus.families.base import Answers, Family
@@ -21,7 +21,7 @@ class Plan:
     """What to look for, and how long.
 
     rounds  families and speeds to ask
-    spare   families and speeds to ask if nobody answers there, until somebody does
+    spare   families and speeds to ask if no servo answers there, until one does
     ids     ids to ask
     reads   how many reads to count lost answers in
     models  what servos are that cannot say it themselves
@@ -35,8 +35,8 @@ class Plan:
 
 
 @dataclass(slots=True)
-class Seen:
-    """What a search saw."""
+class SearchResult:
+    """What a search found."""
 
     servos: list[BusServo] = field(default_factory=list)
     found: list[FoundServo] = field(default_factory=list)
@@ -45,24 +45,24 @@ class Seen:
 
 def search(bus: Bus, plan: Plan, watch: Watcher) -> Generator[Finding, None, list[BusServo]]:
     """Look for servos; give those that can be spoken to. Moves nothing, changes nothing."""
-    seen = _look(bus, plan.rounds, plan.ids, watch)
-    if not seen.found and not seen.troubles and plan.spare:
-        seen = _look(bus, plan.spare, plan.ids, watch, until_found=True)
+    result = _scan(bus, plan.rounds, plan.ids, watch)
+    if not result.found and not result.troubles and plan.spare:
+        result = _scan(bus, plan.spare, plan.ids, watch, until_found=True)
     if bus.echo is not None:
         heard = "the adapter hears what it sends; that is taken out" if bus.echo else "none"
         yield Finding(Level.OK, "echo", heard)
     port = bus.transport.name
-    if seen.found:
-        yield from _who(port, seen.found)
-        yield _speeds(port, seen.found)
-    elif not seen.troubles:
-        yield _nobody(port, plan)
-    yield from _twice(port, seen)
-    return seen.servos
+    if result.found:
+        yield from _list_servos(port, result.found)
+        yield _speeds(port, result.found)
+    elif not result.troubles:
+        yield _no_answer(port, plan)
+    yield from _unclear_answers(port, result)
+    return result.servos
 
 
-def _look(bus: Bus, rounds: Rounds, ids: Sequence[int], watch: Watcher, *, until_found: bool = False) -> Seen:
-    seen = Seen()
+def _scan(bus: Bus, rounds: Rounds, ids: Sequence[int], watch: Watcher, *, until_found: bool = False) -> SearchResult:
+    result = SearchResult()
     total = len(ids) * sum(len(bauds) for _, bauds in rounds)
     done = 0
 
@@ -73,15 +73,15 @@ def _look(bus: Bus, rounds: Rounds, ids: Sequence[int], watch: Watcher, *, until
 
     for family, bauds in rounds:
         for baud in bauds:
-            seen.servos += bus.scan(family=family, bauds=[baud], ids=ids, watch=tell)
-            seen.found += bus.survey.found
-            seen.troubles += bus.survey.troubles
-            if seen.found and until_found:
-                return seen
-    return seen
+            result.servos += bus.scan(family=family, bauds=[baud], ids=ids, watch=tell)
+            result.found += bus.survey.found
+            result.troubles += bus.survey.troubles
+            if result.found and until_found:
+                return result
+    return result
 
 
-def _nobody(port: str, plan: Plan) -> Finding:
+def _no_answer(port: str, plan: Plan) -> Finding:
     speeds: dict[str, list[int]] = {}
     for family, bauds in [*plan.rounds, *plan.spare]:
         speeds.setdefault(family.name, []).extend(bauds)
@@ -95,7 +95,7 @@ def _nobody(port: str, plan: Plan) -> Finding:
     return Finding(Level.FAIL, "servos", f"nobody answers (asked {asked})", cause, mend)
 
 
-def _who(port: str, found: list[FoundServo]) -> Iterator[Finding]:
+def _list_servos(port: str, found: list[FoundServo]) -> Iterator[Finding]:
     kinds: dict[str, list[int]] = {}
     for one in found:
         kinds.setdefault(one.model.title if one.model else f"unknown {one.family.title}", []).append(one.id)
@@ -118,8 +118,8 @@ def _speeds(port: str, found: list[FoundServo]) -> Finding:
     said, odd = [], []
     for family, members in groups.items():
         counts = Counter(one.baud for one in members)
-        typical_delay = counts.most_common(1)[0][0]
-        odd += [(one, typical_delay) for one in members if one.baud != typical_delay]
+        common_baud = counts.most_common(1)[0][0]
+        odd += [(one, common_baud) for one in members if one.baud != common_baud]
         for baud in sorted(counts):
             factory = registry.factory_bauds(family)
             unusual = "" if baud in factory else f" (from the factory {' or '.join(map(str, factory))})"
@@ -131,26 +131,26 @@ def _speeds(port: str, found: list[FoundServo]) -> Finding:
         return Finding(Level.OK, "speed", what, cause)
     cause = "servos of one wire have different speeds: each hears what is meant for the others as garbage"
     mend = tuple(
-        command("set-baud", port, one.id, typical_delay, f"--family {one.family.name}", f"--baud {one.baud}")
-        for one, typical_delay in odd[:SHOWN]
+        command("set-baud", port, one.id, common_baud, f"--family {one.family.name}", f"--baud {one.baud}")
+        for one, common_baud in odd[:SHOWN]
     )
     return Finding(Level.WARN, "speed", what, cause, mend)
 
 
-def _twice(port: str, seen: Seen) -> Iterator[Finding]:
-    """Tell of answers that made no sense. Two servos with one id answer at once, and garble each other."""
-    for one in seen.troubles[:SHOWN]:
+def _unclear_answers(port: str, result: SearchResult) -> Iterator[Finding]:
+    """Report answers that made no sense. Two servos with one id answer at once, and garble each other."""
+    for one in result.troubles[:SHOWN]:
         what = f"{one.family.title} id {one.id} at {one.baud}: something answers, but not clearly ({one.error})"
-        others = [near.family.name for near in seen.found if near.baud == one.baud and near.family is not one.family]
+        others = [near.family.name for near in result.found if near.baud == one.baud and near.family is not one.family]
         if others:
             cause = "a servo of another family that heard what was not meant for it?"
             yield Finding(Level.WARN, "ids", what, cause, (command("doctor", port, f"--family {others[0]}"),))
         elif isinstance(one.error, Garbled):
-            taken = {near.id for near in seen.found} | {near.id for near in seen.troubles}
-            yield twins(port, what, (one.family, one.id, one.baud), taken)
+            taken = {near.id for near in result.found} | {near.id for near in result.troubles}
+            yield duplicate_id(port, what, (one.family, one.id, one.baud), taken)
         else:
             yield Finding(Level.FAIL, "ids", what, "noise, or a servo that answers too late?")
-    if (more := len(seen.troubles) - SHOWN) > 0:
+    if (more := len(result.troubles) - SHOWN) > 0:
         yield Finding(Level.WARN, "ids", f"and {more} more unclear answers, probably of the same cause")
-    if seen.found and not seen.troubles:
+    if result.found and not result.troubles:
         yield Finding(Level.OK, "ids", "each is there once, as far as answers tell")

@@ -9,8 +9,8 @@ from servobus.errors import PortError
 class Transport(ABC):
     """A byte stream with a speed and a clock.
 
-    The clock belongs to the transport because virtual servos may run on virtual time: whoever waits on
-    their line is the one who lets time pass.
+    The clock belongs to the transport because virtual servos may run on virtual time: there, time passes only while
+    a caller waits in `read` or `sleep`.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Transport(ABC):
         raise PortError(f"{self.name} cannot be opened again")
 
     def pending(self) -> bool:
-        """Tell whether bytes may have arrived that nobody has read; True where only reading tells.
+        """Tell whether bytes may have arrived that were not read yet; True where only reading tells.
 
         A port that can say False has `time.monotonic` for its clock.
         """

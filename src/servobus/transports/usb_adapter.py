@@ -1,4 +1,4 @@
-"""What the system knows about a port: may it be opened, who has it open, which adapter is behind it.
+"""What the system knows about a port: may it be opened, which programs have it open, which adapter is behind it.
 
 Linux tells it in /dev, /proc and /sys; `root` is where these hang. Elsewhere, and of ports that are no device of
 this computer, what is not known is None or empty. Nothing is opened and nothing is changed here.
@@ -130,7 +130,7 @@ class Holders:
         return tuple(holder for holder in self.known if not holder.own)
 
     def __str__(self) -> str:
-        """Name who keeps others out; somebody is known to."""
+        """Name the programs that have the port; there is at least one."""
         if self.known:
             names = [str(holder) for holder in self.others or self.known]
             more = [f"{len(names) - NAMED} more"] if len(names) > NAMED else []
@@ -161,7 +161,7 @@ def holders(name: str, root: Path = ROOT) -> Holders:
 
 
 def _lockers(path: Path, proc: Path) -> Iterator[int]:
-    """Find who locks a file. Everybody may know that, even of the processes of other users."""
+    """Find the processes that lock a file. The system tells that of the processes of other users too."""
     try:
         about = path.stat()
         lines = (proc / "locks").read_text().splitlines()
@@ -214,7 +214,7 @@ class Adapter:
 
     @property
     def usb(self) -> str:
-        """Vendor and product number as everybody writes them, such as 0403:6001; empty if it is no USB adapter."""
+        """Vendor and product number as usually written, such as 0403:6001; empty if it is no USB adapter."""
         return "" if self.vid is None or self.pid is None else f"{self.vid:04x}:{self.pid:04x}"
 
     @property

@@ -10,7 +10,7 @@ from samples import factory_bauds
 from servobus import DRS0602, FAMILIES, RX28, Bus, connect, deg
 from servobus.doctor import Finding, Level, Plan, examine
 from servobus.doctor.losses import count
-from servobus.doctor.port import opened, system
+from servobus.doctor.port import check_open_port, check_system
 from servobus.errors import PortLost
 from servobus.transports import usb_adapter as facts
 from servobus.transports.usb_adapter import Adapter
@@ -52,7 +52,7 @@ class TestPort:
         return tmp_path
 
     def test_that_is_not_there(self, root: Path) -> None:
-        (finding,) = system("/dev/ttyUSB1", root)
+        (finding,) = check_system("/dev/ttyUSB1", root)
         assert (finding.level, finding.check) == (Level.FAIL, "port")
         assert finding.mend[0] == "servobus ports"
 
@@ -60,23 +60,23 @@ class TestPort:
         monkeypatch.setattr(os, "access", lambda *_: False)
         monkeypatch.setattr(facts, "_group", lambda _: ("dialout", False))
         (root / "dev/ttyUSB0").chmod(0o660)
-        *_, finding = system("/dev/ttyUSB0", root)
+        *_, finding = check_system("/dev/ttyUSB0", root)
         assert (finding.level, finding.check) == (Level.FAIL, "permission")
         assert "group dialout" in finding.cause
         assert finding.mend == ("sudo usermod -aG dialout $USER",)
         monkeypatch.setattr(facts, "_group", lambda _: ("dialout", True))
-        *_, finding = system("/dev/ttyUSB0", root)
+        *_, finding = check_system("/dev/ttyUSB0", root)
         assert (finding.level, finding.mend) == (Level.FAIL, ())
         assert "log out and in again" in finding.cause
 
     def test_that_another_program_has(self, root: Path) -> None:
         (root / "proc/4711/fd/3").symlink_to("/dev/ttyUSB0")
-        finding = told(system("/dev/arm", root))["in use"]
+        finding = told(check_system("/dev/arm", root))["in use"]
         assert (finding.level, finding.what) == (Level.FAIL, "by python3 arm.py (pid 4711)")
         assert finding.mend == ("kill 4711",)
 
     def test_with_a_slow_adapter(self, root: Path) -> None:
-        findings = told(system("/dev/arm", root))
+        findings = told(check_system("/dev/arm", root))
         assert findings["port"].what == "/dev/arm is a link to /dev/ttyUSB0"
         assert findings["in use"].level is Level.OK
         assert findings["adapter"].what.endswith("(0403:6014) serial number FT1, driver ftdi_sio, at 1-1.2")
@@ -93,20 +93,20 @@ class TestPort:
 
     def test_with_a_fast_adapter(self, root: Path) -> None:
         (root / "sys/bus/usb-serial/devices/ttyUSB0/latency_timer").write_text("1\n")
-        assert wrong(system("/dev/arm", root)) == []
+        assert wrong(check_system("/dev/arm", root)) == []
 
     def test_of_which_nothing_is_known(self, root: Path) -> None:
-        assert list(system("virtual:rx28@1", root)) == []
-        assert list(system("socket://robot:3333", root)) == []
+        assert list(check_system("virtual:rx28@1", root)) == []
+        assert list(check_system("socket://robot:3333", root)) == []
 
     @pytest.mark.parametrize(("on", "level"), [(True, Level.OK), (False, Level.UNKNOWN)])
     def test_low_latency_mode(self, on: bool, level: Level) -> None:
         port = Scripted()
         port.adapter = Adapter("/dev/ttyUSB0", driver="ftdi_sio", latency_timer=1)  # type: ignore[attr-defined]
         port.low_latency = on  # type: ignore[attr-defined]
-        (finding,) = opened(Bus(port))
+        (finding,) = check_open_port(Bus(port))
         assert (finding.level, finding.check) == (level, "low latency")
-        assert list(opened(Bus(Scripted()))) == []
+        assert list(check_open_port(Bus(Scripted()))) == []
 
     def test_that_cannot_be_opened(self) -> None:
         *_, finding = examine("socket://127.0.0.1:1", Plan(FACTORY))

@@ -21,7 +21,7 @@ GRAIN = 200e-6
 
 
 class VirtualPort(Transport):
-    """A drawer of virtual servos as a transport. The clock starts at 0."""
+    """A rig of virtual servos as a transport. The clock starts at 0."""
 
     timed = True
 
@@ -89,7 +89,7 @@ class VirtualPort(Transport):
     def reopen(self) -> None:
         self._gone, self._open = False, True
         self._check()
-        self.rig.receive(self.now())  # what came meanwhile came to nobody
+        self.rig.receive(self.now())  # what came while the port was away is lost
 
     def blocking(self) -> bool:
         return self._real
@@ -116,7 +116,7 @@ class VirtualPort(Transport):
         return self._now
 
     def _tell_latency(self) -> None:
-        # A servo may be 3 % slower than the client believes; on the real clock whoever waits may be woken late.
+        # A servo may be 3 % slower than the client believes; on the real clock a thread that waits may be woken late.
         own = 0.005 if self._real else 0.001
         self.latency = own + self.rig.faults.latency + self.rig.faults.jitter  # so much an adapter's settings tell
 

@@ -72,11 +72,11 @@ class Port(ABC):
         while self.rig.gone(time.monotonic() - started):
             if stop.wait(PULSE):
                 return
-        self.rig.receive(time.monotonic() - started)  # for nobody
+        self.rig.receive(time.monotonic() - started)  # what servos sent while the port was away is lost
         self.__enter__()
 
     def _keep_up(self, now: float) -> None:
-        """While nothing is on the wire, let servos live up to now: who is asked next need not catch up first."""
+        """While nothing is on the wire, advance servos to now: one that is asked next need not catch up first."""
         end = time.monotonic() + SPARE
         for servo in itertools.islice(self._turns, len(self.rig.servos)):
             servo.advance(now)

@@ -48,7 +48,7 @@ class Rig:
     def post(self, task: Callable[[float], None]) -> None:
         """Have something done between two events, with the time as its argument; from any thread.
 
-        It is done by whoever receives next. One task at a time: a long job should post what is left of it.
+        It is done at the next `receive`, in that thread. One task at a time: a long job should post what is left of it.
         """
         self._tasks.append(task)
 

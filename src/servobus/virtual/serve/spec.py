@@ -95,7 +95,7 @@ def check_temperature(celsius: float) -> float:
 
 
 def parse_specs(text: str) -> Servos:
-    """Read "rx28@1-4,7,lx16a@2". Raises UnknownName for a model nobody knows, else UsageError."""
+    """Read "rx28@1-4,7,lx16a@2". Raises UnknownName for a model that is not known, else UsageError."""
     servos: Servos = []
     for part in text.replace(" ", "").split(","):
         name, at, ids = part.rpartition("@")

@@ -75,7 +75,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A kind of fault, for those who read about it and for the parser."""
+    """A kind of fault, for the help text and for the parser."""
 
     hits: str
     """"reply" or "request": what is counted."""

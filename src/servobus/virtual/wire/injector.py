@@ -112,7 +112,7 @@ class Injector:
         return self._adapter.due(now)
 
     def together(self, run: ReceivedBytes) -> float | None:
-        """Give the time up to which these bytes reach the client one behind the other; None if nobody knows."""
+        """Give the time up to which these bytes reach the client one behind the other; None if that is not known."""
         return self._adapter.together(run)
 
     def next_event(self, now: float) -> float | None:

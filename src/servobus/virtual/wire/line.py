@@ -4,11 +4,11 @@ A line has no clock of its own. The client says what it sends and when; `run(now
 now happen, in the order of time: bytes travel, servos hear packets, replies start after their delay and
 collide with what else is on the wire. How finely time is cut makes no difference to any byte.
 
-    half duplex (Dynamixel, LewanSoul)  one wire: everyone hears everyone, less himself
+    half duplex (Dynamixel, LewanSoul)  one wire: each hears all others
     full duplex (HerkuleX)              servos hear only the client, the client hears only servos
 
 Two deliberate limits. A servo takes no other servo's reply for a request, even with its own id: firmware
-that did would keep two servos of one id answering each other's answers for ever, which nobody reports
+that did would keep two servos of one id answering each other's answers for ever, which is reported nowhere
 (assumption). And a client whose adapter gives no echo hears nothing while it sends, as its receiver is off.
 """
 
@@ -298,7 +298,7 @@ class VirtualLine:
             return
         if old is not None:
             old.remove(servo)
-            if not old.ids:  # nobody is left who listens like this
+            if not old.ids:  # no servo is left that listens like this
                 del self._groups[old.key]
         if key not in self._groups:
             self._groups[key] = _Group(key, self.family.framing, self.now)

@@ -51,7 +51,7 @@ class Transmission:
     """The servo that sends; None for the client."""
     plain: bool = False
     note: object = None
-    """What whoever put it on the wire wants to know when its bytes arrive."""
+    """Whatever its sender needs again when its bytes arrive, such as their `Delivery`."""
     end: float = field(init=False)
 
     def __post_init__(self) -> None:

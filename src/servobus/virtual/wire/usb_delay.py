@@ -100,7 +100,7 @@ class Adapter:
         return runs
 
     def next_event(self) -> float | None:
-        """Give the time at which something is handed over next; None if nothing waits, or who knows for how long."""
+        """Give the time at which something is handed over next; None if nothing waits, or that time is not known."""
         times = [self._out[0][0]] if self._out else []
         if self._late:
             times.append(self._gap(self._late[0][0]))
