@@ -31,14 +31,14 @@ def test_cause_first_then_the_command(run: Run) -> None:
 
 
 def test_all_speeds_are_tried_if_nobody_answers(run: Run) -> None:
-    port = "virtual:rx28@1?clock=virtual&baud=1000000"
+    port = "virtual:rx28@1?clock=virtual&baud=500000"
     text = run("doctor", port, "--ids", "0-3", "--reads", 10).stdout
-    assert "dynamixel at 1000000 (from the factory 57600)" in text
-    assert "other commands find them with --baud 1000000" in text
+    assert "dynamixel at 500000 (from the factory 57600)" in text
+    assert "other commands find them with --baud 500000" in text
 
 
 def test_unless_a_speed_is_named(run: Run) -> None:
-    port = "virtual:rx28@1?clock=virtual&baud=1000000"
+    port = "virtual:rx28@1?clock=virtual&baud=500000"
     text = run("doctor", port, "--ids", "0-3", "--baud", 57600, code=1).stdout
     assert "nobody answers" in text
     assert f"servobus doctor '{port}' --baud all" in text

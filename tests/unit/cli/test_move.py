@@ -135,7 +135,7 @@ def test_all(run: Run, refused: Callable[..., str]) -> None:
     assert run("stop", RX, "all", "--family", "dynamixel").stdout.count("stopped\n") == 3
     assert run("torque", RX, "all", "on", "--family", "dynamixel").stdout.count("torque on\n") == 3
     result = run("torque", RX, "all", "off")
-    assert result.stdout.startswith("torque off: told every servo (dynamixel at 57600, ")
+    assert result.stdout.startswith("torque off: told every servo (dynamixel at 57600")
     assert "either ids or `all`" in refused("stop", RX, "1", "all", code=2)
     assert "no servo answers (lewansoul at 115200)" in refused("stop", RX, "all", "--family", "lewansoul")
     assert "named twice" in refused("torque", RX, 1, 1, "on")
