@@ -60,6 +60,8 @@ class Sample(ABC):
     """Whether the torque comes back by itself when an alarm is over."""
     resets: ClassVar[bool] = True
     """Whether there is a command that restores the settings from the factory."""
+    acknowledges_level: ClassVar[bool] = True
+    """Whether a write of the answer level itself is known to be answered, so that a lost answer shows."""
     beyond: ClassVar[int] = 0
     """Position units that the sensor tells beyond what can be a goal, on either side."""
     stops_of_torque_on: ClassVar[int] = 0
@@ -196,6 +198,7 @@ class HerkulexSample(Sample):
     speeds = (500_000, 57_600, 115_200)  # 4-2 NO 5
     asking = frozenset({0x02, 0x04, 0x07})  # EEP_READ, RAM_READ, STAT (5-1)
     on = 0x60  # 4-2 NO 47
+    acknowledges_level = False  # by the old policy or by the new one is an assumption (H-30)
     hot, hot_word, flat = 0x04, "temperature", 0x01  # 4-2 NO 43
     pairs = (0x4155, 5356, 48)
 

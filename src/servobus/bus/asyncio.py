@@ -20,14 +20,14 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from servobus.bus.base import POSITION_SPEED_LOAD, BaseBus, ReconnectReport
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Exchange, Job
-from servobus.core.operation import Awaiting
+from servobus.core.operation import Awaiting, Priority
 from servobus.core.registers import Register
 from servobus.errors import PortError, UsageError
 from servobus.families.base import KnownServo
 from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
 from servobus.link.link import NOT_FAST, Link, Receive, Waits
-from servobus.link.ownership import Priority, Turn, turn_for
+from servobus.link.ownership import Turn, turn_for
 from servobus.safety.safe_stop import crashed
 from servobus.transports.base import Transport
 from servobus.transports.shared_reader import SharedReader
@@ -76,9 +76,9 @@ class AsyncBusServo(Awaiting, Servo):
         super().__init__(target, firmware)
         self._bus = bus
 
-    async def do(self, job: Job[T]) -> T:
+    async def do(self, job: Job[T], *, priority: Priority = Priority.READ) -> T:
         """Carry out any job, an exchange or a procedure, at this servo's speed."""
-        return await self._bus.do(job, self.target.baud)
+        return await self._bus.do(job, self.target.baud, priority=priority)
 
     def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> AsyncMove:
         """Move to an angle in rad; nothing happens until the result is awaited.
@@ -173,9 +173,9 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         """
         return self._beside_the_loop(partial(self.safety.make_safe, action, interrupt=interrupt))
 
-    async def do(self, job: Job[T], baud: int | None = None, priority: Priority = Priority.READ) -> T:
+    async def do(self, job: Job[T], baud: int | None = None, *, priority: Priority = Priority.READ) -> T:
         """Carry out any job, an exchange or a procedure, at this speed or at the one in use; see `Bus.do`."""
-        line, turn = self.line, turn_for(priority)
+        line, turn = self.line, Turn() if priority is Priority.READ else turn_for(priority)
         try:
             if not line.try_acquire(turn):
                 await line.acquire_async(turn)

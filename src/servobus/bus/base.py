@@ -16,7 +16,7 @@ from servobus.core.closed import Closed
 from servobus.core.exchange import Batch, Exchange, Procedure, SetBaud
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import LAST_ID
-from servobus.core.operation import bus_method
+from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register
 from servobus.errors import BusError, Restarted, UsageError
 from servobus.families import registry
@@ -35,7 +35,7 @@ from servobus.jobs.scan import (
     scan,
 )
 from servobus.link.link import Link
-from servobus.link.ownership import LineOwnership, Priority, Turn, turn_for
+from servobus.link.ownership import LineOwnership, Turn, turn_for
 from servobus.link.pipeline import PipelinedLink
 from servobus.link.stats import Stats
 from servobus.safety.safe_stop import SafeStop
@@ -216,6 +216,7 @@ class BaseBus(Closed, Generic[S]):
     # Finding servos
 
     @bus_method
+    @urgent(Priority.SCAN)
     def scan(
         self,
         *,
@@ -295,11 +296,13 @@ class BaseBus(Closed, Generic[S]):
         return plan(self._goals(goals), time=time, speed=speed)
 
     @bus_method
+    @urgent(Priority.MOTION)
     def start_planned(self, move: PlannedMove) -> Procedure[None]:
         """Start a move that was planned: all servos of a family at one speed with as few packets as it allows."""
         return start_move(move)
 
     @bus_method
+    @urgent(Priority.MOTION)
     def start_move(
         self, goals: Mapping[Any, float], *, time: float | None = None, speed: float | None = None
     ) -> Procedure[PlannedMove]:
@@ -319,6 +322,7 @@ class BaseBus(Closed, Generic[S]):
         return wait_arrival(move, timeout=timeout)
 
     @bus_method
+    @urgent(Priority.MOTION)
     def torque_on(self, servos: Iterable[S | int] | None = None) -> Procedure[None]:
         """Switch the torque of these servos on (by default of all), each with goal := present position first."""
         for servo in self._chosen(servos):
@@ -327,6 +331,7 @@ class BaseBus(Closed, Generic[S]):
             yield from servo.family.torque(servo.target, on=True)
 
     @bus_method
+    @urgent(Priority.MOTION)
     def torque_off(self, servos: Iterable[S | int] | None = None) -> Procedure[None]:
         """Switch the torque of these servos off (by default of all): of each, even if one fails.
 

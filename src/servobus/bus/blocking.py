@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from servobus.bus.base import POSITION_SPEED_LOAD, BaseBus, ReconnectReport
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Exchange, Job
-from servobus.core.operation import Blocking
+from servobus.core.operation import Blocking, Priority
 from servobus.core.registers import Register
 from servobus.families.base import KnownServo
 from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
 from servobus.link.blocking import run_blocking
 from servobus.link.link import NOT_FAST
-from servobus.link.ownership import Priority, turn_for
+from servobus.link.ownership import Turn, turn_for
 from servobus.safety.safe_stop import crashed
 
 if TYPE_CHECKING:
@@ -59,9 +59,9 @@ class BusServo(Blocking, Servo):
         super().__init__(target, firmware)
         self._bus = bus
 
-    def do(self, job: Job[T]) -> T:
+    def do(self, job: Job[T], *, priority: Priority = Priority.READ) -> T:
         """Carry out any job, an exchange or a procedure, at this servo's speed."""
-        return self._bus.do(job, self.target.baud)
+        return self._bus.do(job, self.target.baud, priority=priority)
 
     def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> Move:
         """Start a move to an angle in rad and give a handle to wait for its end.
@@ -134,12 +134,12 @@ class Bus(Blocking, BaseBus[BusServo]):
         """
         self.safety.make_safe(action, interrupt=interrupt)
 
-    def do(self, job: Job[T], baud: int | None = None, priority: Priority = Priority.READ) -> T:
+    def do(self, job: Job[T], baud: int | None = None, *, priority: Priority = Priority.READ) -> T:
         """Carry out any job, an exchange or a procedure, at this speed or at the one in use.
 
         Jobs of other threads come first if their `priority` is more urgent, but none is broken off by another.
         """
-        line, turn = self.line, turn_for(priority)
+        line, turn = self.line, Turn() if priority is Priority.READ else turn_for(priority)
         try:
             line.acquire(turn)
             link = self.link

@@ -21,7 +21,7 @@ from servobus.bus.by_servo import ByServo, name, pick
 from servobus.bus.rate import Rate
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Batch, Exchange, Job, Now, Procedure, SetBaud
-from servobus.core.operation import Awaiting, Blocking, bus_method
+from servobus.core.operation import Awaiting, Blocking, Priority, bus_method, urgent
 from servobus.core.registers import Register
 from servobus.core.units import show
 from servobus.core.values import frozen
@@ -175,6 +175,7 @@ class Cycle:
         return Rate(self, self.transport, period)
 
     @bus_method
+    @urgent(Priority.MOTION)
     def run(self, goals: Mapping[Any, float] | None = None) -> Procedure[Result]:
         """Send goals, servo or id -> angle in rad, and read all servos.
 
@@ -370,8 +371,8 @@ class BusCycle(Blocking, Cycle):
         self._bus = bus
         super().__init__(*args)
 
-    def do(self, job: Job[T]) -> T:
-        return self._bus.do(job)
+    def do(self, job: Job[T], *, priority: Priority = Priority.READ) -> T:
+        return self._bus.do(job, priority=priority)
 
 
 class AsyncBusCycle(Awaiting, Cycle):
@@ -381,8 +382,8 @@ class AsyncBusCycle(Awaiting, Cycle):
         self._bus = bus
         super().__init__(*args)
 
-    async def do(self, job: Job[T]) -> T:
-        return await self._bus.do(job)
+    async def do(self, job: Job[T], *, priority: Priority = Priority.READ) -> T:
+        return await self._bus.do(job, priority=priority)
 
 
 def _questions(parts: Sequence[_Part]) -> list[tuple[_Part, int, Exchange[bytes]]]:

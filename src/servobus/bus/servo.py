@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from servobus.core.closed import Closed
 from servobus.core.exchange import Exchange, Job, Procedure
-from servobus.core.operation import bus_method
+from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register
 from servobus.core.units import Flags
 from servobus.core.values import replace
@@ -210,6 +210,7 @@ class Servo(Closed):
     # Motion
 
     @bus_method
+    @urgent(Priority.MOTION)
     def start_move(
         self, angle: float, *, time: float | None = None, speed: float | None = None
     ) -> Procedure[PlannedMove]:
@@ -220,18 +221,21 @@ class Servo(Closed):
         return course
 
     @bus_method
+    @urgent(Priority.MOTION)
     def torque_on(self) -> Procedure[None]:
         """Switch the torque on; the goal becomes the present position first, so that nothing jumps."""
         self.permit.mark_moving()
         yield from self.family.torque(self.target, on=True)
 
     @bus_method
+    @urgent(Priority.MOTION)
     def torque_off(self) -> Procedure[None]:
         """Switch the torque off: the shaft turns freely."""
         yield from self.family.torque(self.target, on=False)
         self.permit.mark_idle()
 
     @bus_method
+    @urgent(Priority.MOTION)
     def rearm(self) -> Procedure[None]:
         """Switch the torque on again after the servo itself has switched it off, by the rule of its family.
 
@@ -245,18 +249,21 @@ class Servo(Closed):
         self.record.restarted = False
 
     @bus_method
+    @urgent(Priority.STOP)
     def stop(self) -> Procedure[None]:
         """End the motion and hold the present position."""
         yield from self.family.stop(self.target)
         self.permit.stopped = True
 
     @bus_method
+    @urgent(Priority.MOTION)
     def turn(self, *, speed: float | None = None, output: float | None = None) -> Procedure[None]:
         """Turn without end. `speed` in rad/s (HerkuleX) or `output` as a share -1 .. 1 (RX-28, LX-16A)."""
         self._go()
         yield from self.family.turn(self.target, speed=speed, output=output)
 
     @bus_method
+    @urgent(Priority.MOTION)
     def position_mode(self, limits: tuple[float, float] | None = None) -> Procedure[None]:
         """Come back from `turn` and hold the present position.
 

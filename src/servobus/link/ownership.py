@@ -29,20 +29,11 @@ cannot overtake a more urgent turn that waits.
 
 import threading
 from collections.abc import Callable
-from enum import Enum, IntEnum
+from enum import Enum
 from threading import get_ident
 
+from servobus.core.operation import Priority
 from servobus.errors import Stopped
-
-
-class Priority(IntEnum):
-    """What a turn is for; the lower comes first, and of two equal ones the one that asked first."""
-
-    STOP = 0
-    MOTION = 1
-    READ = 2
-    SCAN = 3
-
 
 AGEING = 8
 """Hand-overs after which a waiting turn counts as one step more urgent: else busy readers would keep a scan waiting for
@@ -64,7 +55,7 @@ IDLE, WAITING, HOLDING, ENDED = State
 class Turn:
     """One claim to a line.
 
-    priority   how urgent it is
+    priority   how urgent it is; of two equally urgent turns the one that asked first comes first
     state      where it stands
     nested     whether its thread held the line already: then that turn keeps the line when this one ends
     overtaken  hand-overs for which it has waited

@@ -17,6 +17,7 @@ from servobus.core.exchange import Reply
 from servobus.core.framing import Corrupt, Event, Noise, Packet
 from servobus.families.base import Family, Model, Question
 from servobus.families.explain import addressed, servo, show_bytes
+from servobus.families.present import junk_text
 from servobus.families.registry import FAMILIES, MODELS, first_model
 from servobus.traffic.events import GRAIN, Kind, ServoTraffic, TrafficEvent, Trouble
 from servobus.traffic.recording import DIGITS, Chunk, Direction, End, Entry, Speed
@@ -425,5 +426,4 @@ def _explained(family: Family, packet: Packet, request: Packet | None, model: st
 
 
 def _junk(time: float, direction: Direction, raw: bytes, family: Family | None) -> TrafficEvent:
-    text = f"JUNK: {len(raw)} bytes that are no packet" if len(raw) > 1 else "JUNK: a byte that is no packet"
-    return TrafficEvent(time, direction, Kind.NOISE, text, family, None, raw, None, Trouble.JUNK)
+    return TrafficEvent(time, direction, Kind.NOISE, junk_text(raw), family, None, raw, None, Trouble.JUNK)

@@ -6,16 +6,22 @@ from typing import Any
 import pytest
 
 import servobus
-from servobus import DRS0602, MODELS, RX28, Backup, BusServo, NoReply, UsageError
-from servobus.families.base import Answers
+from samples import can_be_silenced, models_that, ram_setting, sample_of
+from servobus import MODELS, Backup, BusServo, NoReply, UsageError
+from servobus.core.registers import Area
+from servobus.families.base import Answers, Model
 from unit.lossy import ASYNC, SYNC, Bench
 
 DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
-WITH_POLICY = pytest.mark.parametrize("key", ["rx28", "drs0602"])
-OTHER: dict[str, tuple[str, int]] = {"rx28": ("alarm_shutdown", 4), "drs0602": ("max_temperature", 60)}
-"""A setting that comes behind the policy in the table, and another value for it."""
-ANSWERED: dict[str, tuple[str, Any]] = {"rx28": ("led", True), "drs0602": ("led_control", 1)}
-"""A register in RAM, and what to write to it."""
+WITH_POLICY = models_that(can_be_silenced)
+
+
+def later(model: type[Model]) -> tuple[str, int]:
+    """Name a setting that comes behind the policy in the table, and give another value for it."""
+    rows = list(model.registers.values())
+    behind = rows[rows.index(model.register("answer_level")) + 1 :]
+    row = next(row for row in behind if row.area is Area.EEPROM and row.writable and row.default)
+    return row.name, row.limits[0]
 
 
 def edited(saved: Backup, values: Mapping[str, int]) -> Backup:
@@ -24,12 +30,14 @@ def edited(saved: Backup, values: Mapping[str, int]) -> Backup:
 
 def works(bench: Bench) -> None:
     """Check that driver and servo agree on what is answered: else a write would wait in vain, or not be waited for."""
-    name, value = ANSWERED[bench.real.model.key()]
+    row = ram_setting(bench.real.model)
+    assert row is not None
+    raw = (row.default or 0) + 1
     bench.line.lose()
-    bench.do(lambda servo: servo.write(name, value))
+    bench.do(lambda servo: servo.write_raw({row: raw}))
     bench.do(lambda servo: servo.ping())
     assert len(bench.line.requests) == 2
-    assert bench.servo.model.register(name).decode(bench.real.get(name)) == value
+    assert bench.real.get(row.name) == raw
 
 
 @DRIVERS
@@ -39,7 +47,7 @@ def works(bench: Bench) -> None:
 def test_a_restored_policy_is_written_last_and_learned(key: str, driver: str, old: Answers, new: Answers) -> None:
     bench = Bench(key, driver, old)
     policy = bench.servo.model.register("answer_level").name
-    name, raw = OTHER[key]
+    name, raw = later(bench.servo.model)
     saved = edited(bench.do(lambda servo: servo.backup()), {policy: new, name: raw})
     changed = bench.do(lambda servo: servo.restore(saved))
     assert set(changed) == ({policy, name} if old is not new else {name})
@@ -55,7 +63,7 @@ def test_a_restored_policy_is_written_last_and_learned(key: str, driver: str, ol
 @pytest.mark.parametrize("first", [True, False])
 def test_a_policy_among_others_is_written_last(key: str, driver: str, verb: str, first: bool) -> None:
     bench = Bench(key, driver, Answers.EVERYTHING)
-    name, raw = OTHER[key]
+    name, raw = later(bench.servo.model)
     row = bench.servo.model.register(name)
     values: dict[str, Any] = {"answer_level": Answers.READS, name: raw if verb == "write_raw" else row.decode(raw)}
     if not first:
@@ -80,11 +88,12 @@ def test_a_policy_whose_write_was_not_answered_is_asked_for(key: str) -> None:
         return True
 
     bench.line.on_request = lose_the_answer
-    if key == "rx28":
+    policy = servo.model.register("answer_level")
+    if sample_of(key).acknowledges_level:
         with pytest.raises(NoReply):
-            servo.write(RX28.status_return_level, Answers.READS)
+            servo.write(policy, Answers.READS)
     else:
-        servo.write(DRS0602.ack_policy, Answers.READS)
+        servo.write(policy, Answers.READS)
     bench.line.on_request = None
     assert servo.target.answers is Answers.READS
     works(bench)

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 
 import servobus
+from samples import every_model
 from servobus import MODELS, BadValue, MoveTimeout, Stopped, UsageError, deg
 from unit.lossy import ASYNC, SYNC
 
-EVERY = pytest.mark.parametrize("key", MODELS)
 DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
 LOOK = 0.15
 """s that the last look may take: that of an LX-16A compares two positions 50 ms apart."""
@@ -23,7 +23,7 @@ def blocked(key: str) -> Any:
     return servo
 
 
-@EVERY
+@every_model
 @pytest.mark.parametrize("timeout", [0.0, 0.1, 0.31, 2.0])
 def test_it_ends_at_the_time_out_that_was_asked(key: str, timeout: float) -> None:
     servo = blocked(key)
@@ -35,7 +35,7 @@ def test_it_ends_at_the_time_out_that_was_asked(key: str, timeout: float) -> Non
     assert timeout <= clock.now() - began <= timeout + LOOK
 
 
-@EVERY
+@every_model
 def test_without_a_time_out_it_ends_2_s_after_it_should_have(key: str) -> None:
     servo = blocked(key)
     clock = servo._bus.transport
@@ -46,7 +46,7 @@ def test_without_a_time_out_it_ends_2_s_after_it_should_have(key: str) -> None:
     assert 2.3 <= clock.now() - began <= 2.3 + LOOK
 
 
-@EVERY
+@every_model
 def test_lost_answers_do_not_make_it_longer(key: str) -> None:
     """Where every third answer is lost each look takes longer, and there are fewer of them."""
     servo = blocked(key)

@@ -14,9 +14,10 @@ from typing import Any
 
 import pytest
 
+from servobus.core.operation import Priority
 from servobus.errors import Stopped
 from servobus.link import ownership
-from servobus.link.ownership import LineOwnership, Priority, State, Turn, turn_for
+from servobus.link.ownership import LineOwnership, State, Turn, turn_for
 
 PROMPT = 5.0
 """s after which a test gives up waiting for a thread."""

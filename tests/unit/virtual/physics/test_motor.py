@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from samples import every_model
 from servobus.core.units import deg, rpm
-from servobus.families.base import Model
 from servobus.families.dynamixel import motors as dynamixel
 from servobus.families.herkulex import motors as herkulex
 from servobus.families.lewansoul import motors as lewansoul
-from servobus.families.registry import DRS0602, LX16A, RX28
+from servobus.families.registry import DRS0602, MODELS, RX28
 from servobus.virtual.device.motors import motor_sets
 from servobus.virtual.physics.motor import (
     CLOSED,
@@ -36,7 +36,6 @@ from servobus.virtual.physics.motor import (
 )
 
 MS = 1e-3
-MODELS: dict[str, type[Model]] = {"rx28": RX28, "drs0602": DRS0602, "lx16a": LX16A}
 SETS = {key: motor_sets(model) for key, model in MODELS.items()}
 ALL = [(key, name) for key, sets in SETS.items() for name in sets]
 CONTRADICTIONS = {
@@ -91,7 +90,7 @@ def energy(params: MotorParams, load: Load, state: MotorState) -> float:
 # Specification sheets
 
 
-@pytest.mark.parametrize("key", MODELS)
+@every_model
 def test_the_default_is_what_the_sheet_says(key: str) -> None:
     params = next(iter(SETS[key].values()))
     for point in MODELS[key].sheet.performance:

@@ -1,0 +1,34 @@
+"""Several clients of one bus: a stop comes before motion, motion before reads, reads before a scan."""
+
+import asyncio
+from collections.abc import Awaitable
+
+import servobus
+from servobus.core.exchange import Pause, Procedure
+
+
+def busy() -> Procedure[None]:
+    yield Pause(0.05)
+
+
+def test_what_waits_for_the_line_gets_it_by_its_urgency() -> None:
+    async def main() -> list[str]:
+        async with servobus.open_async("virtual:rx28@1") as bus:
+            (servo,) = await bus.scan(family="dynamixel", ids=[1])
+            done = list[str]()
+
+            async def note(name: str, work: Awaitable[object]) -> None:
+                await work
+                done.append(name)
+
+            async with asyncio.TaskGroup() as group:
+                group.create_task(note("busy", bus.do(busy())))
+                await asyncio.sleep(0.01)
+                group.create_task(note("scan", bus.scan(family="dynamixel", ids=[1])))
+                group.create_task(note("read", servo.read("present_position")))
+                group.create_task(note("motion", servo.torque_on()))
+                group.create_task(note("stop", servo.stop()))
+            await servo.torque_off()
+            return done
+
+    assert asyncio.run(main()) == ["busy", "stop", "motion", "read", "scan"]
