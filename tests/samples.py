@@ -153,7 +153,7 @@ class DynamixelSample(_Sum):
     id_at = 2
     answer_size, value_at, known = 8, 5, 4  # 3-3, 3-5-1
     longest, crowd = 143, 40  # 3-5-7
-    speeds = (1_000_000, 115_200, 57_600)  # 3-4-1 address 4
+    speeds = (1_000_000, 500_000, 115_200, 57_600)  # 3-4-1 address 4
     asking = frozenset({0x01, 0x02})  # PING, READ_DATA (3-2)
     hot, hot_word, flat = 0x04, "overheating", 0x01  # 3-3
     stops_of_torque_on = 1  # the present position is made the goal first
@@ -318,6 +318,11 @@ def factory_bauds(family: Family) -> tuple[int, ...]:
 def other_bauds(model: type[Model]) -> list[int]:
     """Give some speeds that a model can be set to, without its factory speed."""
     return [baud for baud in SAMPLES[model.family.name].speeds if baud != factory_baud(model)]
+
+
+def unusual_baud(family: Family) -> int:
+    """Give a speed at which no model of a family leaves the factory."""
+    return next(baud for baud in SAMPLES[family.name].speeds if baud not in factory_bauds(family))
 
 
 def answer_levels(model: type[Model]) -> tuple[Answers, ...]:

@@ -139,7 +139,7 @@ def test_F15_a_cut_chain_loses_only_what_is_behind_the_cut(key: str, driver: str
         else:
             with pytest.raises(NoReply):
                 rig.read(id)
-    lost = sorted(id for id, counts in rig.bus.stats.servos.items() if counts.timeouts)
+    lost = sorted(id for (_, id, _), counts in rig.bus.stats.servos.items() if counts.timeouts)
     assert lost == [3, 4, 5]
     rig.port.rig.lines[0].plug(rig.reals[2:], rig.port.now())
     rig.inject(None)

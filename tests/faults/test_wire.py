@@ -8,8 +8,9 @@ import pytest
 from faults.rig import DRIVERS, POSITION, FaultRig
 from samples import ONE_OF_EACH_FAMILY, one_model_of_each_family, sample_of
 from servobus import MODELS, BusError
-from servobus.core.exchange import Collector, Exchange
+from servobus.core.exchange import Exchange
 from servobus.core.framing import Decoder
+from servobus.core.replies import ReplyCollector
 from servobus.families.base import Answers, ServoRef
 from unit.lossy import ASYNC, SYNC
 
@@ -83,10 +84,10 @@ def test_F3_two_flipped_bits_pass_only_where_they_cancel(key: str) -> None:
         bad = bytearray(whole)
         bad[one // 8] ^= 1 << one % 8
         bad[other // 8] ^= 1 << other % 8
-        collector = Collector(question(key))
+        collector = ReplyCollector([question(key)])
         collector.feed(bytes(bad))
-        collector.quiet()
-        if collector.packet is not None and len(collector.packet.data) == full:  # a shorter one is a refusal
+        collector.end()
+        if collector.packets[0] is not None and len(collector.packets[0].data) == full:  # a shorter one is a refusal
             accepted.append((one, other))
         if sample_of(key).cancel(whole, one, other):
             expected.append((one, other))

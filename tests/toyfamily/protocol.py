@@ -2,7 +2,7 @@
 
 from enum import IntEnum, IntFlag
 
-from servobus.core.exchange import Exchange, Reply
+from servobus.core.exchange import Exchange, ReplyPattern
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.errors import Refused
 
@@ -23,6 +23,7 @@ class Trouble(IntFlag):
 
 
 class ToyFraming(Framing):
+    name = "toy"
     header = b"\xaa\xaa"
     overhead = 6
     max_size = 40
@@ -60,7 +61,7 @@ def _data(packet: Packet) -> bytes:
 
 
 def ask(id: int, code: Code, data: bytes, answered: int, *, repeatable: bool = True) -> Exchange[bytes]:
-    reply = Reply(id, code | ANSWER, (answered + 1, 1))
+    reply = ReplyPattern(id, code | ANSWER, (answered + 1, 1))
     raw = FRAMING.frame(Packet(id, code, data))
     what = f"{code.name} id {id}"
     return Exchange(what, FRAMING, raw, _data, reply, trouble, DELAY, repeatable=repeatable)

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Procedure, Reply
+from servobus.core.exchange import Exchange, Procedure, ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.registers import Register
 from servobus.errors import BadValue
@@ -15,7 +15,6 @@ from servobus.families.base import (
     KnownServo,
     Model,
     MotionStatus,
-    Question,
     Reading,
     ServoRef,
     cannot,
@@ -138,11 +137,11 @@ class Toy(Family):
             return f"{head}: {show_values(model, CELLS, 2 * request.data[0], packet.data[1:])}"
         return head
 
-    def question(self, packet: Packet) -> Question | None:
+    def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
         if packet.code & ANSWER or packet.code not in list(Code):
             return None
         sizes = (2 * packet.data[1] + 1, 1) if packet.code == Code.READ else (1,)
-        return Question(Reply(packet.id, packet.code | ANSWER, sizes))
+        return (ReplyPattern(packet.id, packet.code | ANSWER, sizes),)
 
 
 TOY = Toy()

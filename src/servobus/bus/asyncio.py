@@ -26,8 +26,9 @@ from servobus.errors import PortError, UsageError
 from servobus.families.base import KnownServo
 from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
-from servobus.link.link import NOT_FAST, Link, Receive, Waits
+from servobus.link.link import NOT_FAST, Link
 from servobus.link.ownership import Turn, turn_for
+from servobus.link.waits import Receive, Waits
 from servobus.safety.safe_stop import crashed
 from servobus.transports.base import Transport
 from servobus.transports.shared_reader import SharedReader

@@ -36,7 +36,6 @@ from servobus.jobs.scan import (
 )
 from servobus.link.link import Link
 from servobus.link.ownership import LineOwnership, Turn, turn_for
-from servobus.link.pipeline import PipelinedLink
 from servobus.link.stats import Stats
 from servobus.safety.safe_stop import SafeStop
 from servobus.safety.watchdog import Watchdog
@@ -113,12 +112,12 @@ class BaseBus(Closed, Generic[S]):
         """What the link talks through."""
         self._echo = echo
         self.line = LineOwnership()
+        self._servos: KnownServos[S] = KnownServos(self._bind, self._guarded)
         self.link = self._new_link()
         self.safety = SafeStop(transport, self._known, self._take_over, safe_action)
         self.bauds = bauds
         self.survey = ScanResult()
         """What the last scan saw, what made no sense included."""
-        self._servos: KnownServos[S] = KnownServos(self._bind, self._guarded)
         self._monitors: dict[S, OverloadMonitor] = {}
         self._close()
 
@@ -473,16 +472,20 @@ class BaseBus(Closed, Generic[S]):
         """Give how long a stop waits, in s, for a job that it has interrupted."""
         return TAKEOVER_TIMEOUT
 
-    def _new_link(self) -> Link:
-        return PipelinedLink(self._port, echo=self._echo, heard=self._heard, fences=self._fences)
+    def _new_link(self, stats: Stats | None = None) -> Link:
+        return Link(
+            self._port,
+            echo=self._echo,
+            heard=self._heard,
+            fences=self._fences,
+            alarmed=self._servos.alarmed,
+            stats=stats,
+        )
 
     def _reopened(self) -> None:
         """Begin anew on a port that was opened again: nothing of the old one can come any more."""
-        old = self.link
-        old.supersede()
-        self.link = self._new_link()
-        self.link.stats = old.stats
-        self.link.alarming = old.alarming  # so that the end of an alarm is told
+        self.link.supersede()
+        self.link = self._new_link(self.link.stats)
 
     # What the link asks of us
 

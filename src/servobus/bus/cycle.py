@@ -28,7 +28,7 @@ from servobus.core.values import frozen
 from servobus.errors import BadValue, BusError, NoReply, TorqueOff, UnknownName, UsageError
 from servobus.families.base import Family, MotionStatus, Reading, ServoRef
 from servobus.jobs.move import keep_moving, raw_goal
-from servobus.link.link import BITS_PER_BYTE
+from servobus.link.line_clock import BITS_PER_BYTE
 from servobus.transports.base import Transport
 
 T = TypeVar("T")

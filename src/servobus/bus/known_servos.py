@@ -37,6 +37,8 @@ class KnownServos(Generic[S]):
         """Those whose model `attach` gave."""
         self._speed_assumed: set[S] = set()
         """Those that `attach` was given no speed for, and that no scan has met since."""
+        self.alarmed: set[S] = set()
+        """Those whose last reply had an alarm in it: as long as there is one, the link tells of every reply."""
 
     def __iter__(self) -> Iterator[S]:
         return iter(self._servos.copy())
@@ -102,8 +104,13 @@ class KnownServos(Generic[S]):
         servo.firmware = identity.firmware or servo.firmware
         self._speed_assumed.discard(servo)
         servo.state = found.state if servo.model is found.model else None
-        servo.note_alarms(found.alarms)
+        self.note_alarms(servo, found.alarms)
         return servo
+
+    def note_alarms(self, servo: S, alarms: int) -> None:
+        """Keep the alarm bits of a servo's last reply."""
+        servo.note_alarms(alarms)
+        (self.alarmed.add if alarms else self.alarmed.discard)(servo)
 
     def adopt_all(self, all_found: Sequence[FoundServo], survey: ScanResult) -> Procedure[list[S]]:
         """Know all that a scan has found.
@@ -150,6 +157,7 @@ class KnownServos(Generic[S]):
         self._servos.remove(servo)
         self._named.discard(servo)
         self._speed_assumed.discard(servo)
+        self.alarmed.discard(servo)
 
 
 def _place(servo: Servo) -> _Place:

@@ -66,6 +66,8 @@ NOT_A_FRAME = -1
 class Framing(ABC):
     """The shape of one protocol's packets. Stateless."""
 
+    name: str
+    """Family of the servos that speak so; messages and counters show it."""
     header: bytes
     """The two equal bytes every packet starts with."""
     overhead: int
@@ -75,6 +77,14 @@ class Framing(ABC):
     filler: bytes = b""
     """A byte that no servo takes for part of a packet, to send between packets while answers come in; none where
     answers come over the same wire."""
+    probe: bytes = b"\x00"
+    """A byte that every servo skips before a header. It goes before a request that looks like its own answer: if it
+    comes back, so does the request, and the line echoes."""
+    forget_time: float = 0.21
+    """s after which a servo forgets what it took for the start of a packet; what is sent at another speed may be taken
+    so, and the request that comes next is then lost. As long as HerkuleX servos need, if nothing is said."""
+    baud_tolerance: float = 0.03
+    """Share by which a servo's speed may be off; assumption, as RX-28 manual 3-4-1 says of its servo."""
 
     @abstractmethod
     def size(self, buffer: bytes | bytearray, at: int) -> int:

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import IntEnum
 from typing import Any, ClassVar, TypeVar
 
-from servobus.core.exchange import Exchange, Procedure, Reply
+from servobus.core.exchange import Exchange, Procedure, ReplyPattern
 from servobus.core.framing import Framing, Packet
 from servobus.core.registers import Area, Int, Register
 from servobus.core.values import frozen
@@ -26,7 +26,6 @@ __all__ = [
     "Model",
     "MotionStatus",
     "Performance",
-    "Question",
     "Reading",
     "ServoRef",
     "SpecSheet",
@@ -140,18 +139,6 @@ class Reading:
     def values(self, answers: Sequence[bytes]) -> list[int]:
         """Give the raw values, in the order of the registers."""
         return [layout.unpack(answers[n][part]) for n, part, layout in self.places]
-
-
-@frozen
-class Question:
-    """What a request asks for, as far as one can tell who only listens.
-
-    reply    the shape of the answer; None where nothing answers
-    certain  whether it is answered whatever the servo is set to; else its Status Return Level or ACK Policy decides
-    """
-
-    reply: Reply | None
-    certain: bool = True
 
 
 class Family(ABC):
@@ -387,8 +374,11 @@ class Family(ABC):
         """
 
     @abstractmethod
-    def question(self, packet: Packet) -> Question | None:
-        """Tell what answer a packet asks for; None if it can be no request."""
+    def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
+        """Tell what replies a packet asks for, as far as one can tell who only listens.
+
+        Empty where nothing answers; None if the packet can be no request.
+        """
 
 
 def fetch(reading: Reading) -> Procedure[list[int]]:

@@ -5,8 +5,9 @@
 
 from typing import TypeVar
 
-from servobus.link.link import Link, Receive, Waits
+from servobus.link.link import Link
 from servobus.link.ownership import LineOwnership, Turn
+from servobus.link.waits import Receive, Waits
 from servobus.transports.base import Transport
 
 T = TypeVar("T")

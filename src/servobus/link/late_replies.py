@@ -1,25 +1,29 @@
-"""Answers that were given up and may still come: what could be mistaken for what.
+"""Replies that were given up and may still come: which of them could be taken for the reply to a new question.
 
-An adapter or a computer that stalled delivers all at once, but in order. So when a servo answers a question, what it
-was asked before has been answered by then, or never will be.
+A reply that comes late is dangerous if a question of the same kind is under way by then: an old value would be taken
+for the new one. An adapter or a computer that stalled delivers all at once, but in order. So when a servo answers a
+question, the replies to all that it was asked before have come by then, or never will.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
-from servobus.core.exchange import Exchange, Reply, ack_only
-from servobus.core.framing import Packet
+from servobus.core.exchange import Exchange, ReplyPattern, ack_only
+from servobus.core.framing import Framing, Packet
 from servobus.core.values import frozen, replace
 
 SLOWEST = 2.0
 """s; assumption: no servo answers later than this, whatever it does. Adapters may, but in order."""
 
+Sender: TypeAlias = tuple[Framing, int | None]
+"""Servo that a reply comes from: two families may share a line, and the same id is then two servos."""
+
 
 @frozen
 class MissedReply:
-    """An answer that was given up and may still come."""
+    """A reply that was given up and may still come."""
 
-    reply: Reply
+    reply: ReplyPattern
     request: bytes
     due: float
     """Time at which it should have come."""
@@ -30,106 +34,121 @@ class MissedReply:
 
 
 class LateReplies:
-    """Answers that may come late, by the id they would come from, in the order they were asked for. No clock."""
+    """Replies that may come late, by the servo that they would come from, in the order they were asked for. No clock.
+
+    A reply that any servo may give, as to a broadcast, is kept under the id None.
+    """
 
     def __init__(self) -> None:
-        self._lost: dict[int | None, list[MissedReply]] = {}
+        self._missed: dict[Sender, list[MissedReply]] = {}
         self._until = 0.0
         """Time after which no servo can be so late; only an adapter, and that keeps the order."""
 
     def __bool__(self) -> bool:
-        return bool(self._lost)
+        return bool(self._missed)
 
     def copy(self) -> "LateReplies":
         """Make another that knows the same."""
         other = LateReplies()
-        other._lost, other._until = {id: list(lost) for id, lost in self._lost.items()}, self._until
+        other._missed, other._until = {sender: list(missed) for sender, missed in self._missed.items()}, self._until
         return other
 
-    def add(self, exchange: Exchange[Any], due: float, now: float) -> None:
-        """Remember an answer that did not come: when it was due, and that it was given up now."""
-        reply = exchange.reply
-        if reply is None:
-            return
-        lost = self._lost.setdefault(reply.id, [])
-        for n, old in enumerate(lost):
+    def add(self, exchange: Exchange[Any], reply: ReplyPattern, due: float, now: float) -> None:
+        """Remember a reply that did not come: when it was due, and that it was given up now."""
+        missed = self._missed.setdefault((exchange.framing, reply.id), [])
+        for n, old in enumerate(missed):
             if old.reply == reply and old.request == exchange.request:
-                lost[n] = replace(old, given_up=now, times=old.times + 1)
+                missed[n] = replace(old, given_up=now, times=old.times + 1)
                 break
         else:
-            lost.append(MissedReply(reply, exchange.request, due, now))
+            missed.append(MissedReply(reply, exchange.request, due, now))
         self._until = now + SLOWEST
 
     # What could be mistaken
 
-    def confusable(self, exchange: Exchange[Any]) -> list[MissedReply]:
-        """Give the late answers that could be mistaken for the answer to this question."""
-        reply = exchange.reply
-        if reply is None or not self._lost:
+    def confusable(self, exchange: Exchange[Any], reply: ReplyPattern) -> list[MissedReply]:
+        """Give the late replies that could be taken for this reply to a question.
+
+        A question that only asks whether a servo is there may be answered by an older answer to the same question: it
+        says the same.
+        """
+        if not self._missed:
             return []
-        lost = self._lost.get(reply.id, []) + (self._lost.get(None, []) if reply.id is not None else [])
-        # Whether somebody is there may be told by an older answer as well.
         same = exchange.request if exchange.interpret is ack_only else None
-        return [old for old in lost if reply.could_be(old.reply) and old.request != same]
+        return [
+            old for old in self._of(exchange.framing, reply.id) if reply.could_be(old.reply) and old.request != same
+        ]
 
     def ambiguous(self, fence: Exchange[Any], confusable: Sequence[MissedReply]) -> bool:
-        """Tell whether the answer to a marker could itself be mistaken for an older one."""
+        """Tell whether the reply to a fence could itself be an older one, so that it would prove nothing."""
         shape = fence.reply
-        return shape is None or any(shape.could_be(old.reply) for old in (*confusable, *self._of(fence.id)))
+        return shape is None or any(
+            shape.could_be(old.reply) for old in (*confusable, *self._of(fence.framing, fence.id))
+        )
 
-    def later_requests(self, id: int, confusable: Sequence[MissedReply]) -> list[bytes]:
-        """Give the requests to this id that were sent behind the suspects and are open, the last one first."""
-        requests = [old.request for old in self._lost.get(id, ())]
+    def later_requests(self, sender: Sender, confusable: Sequence[MissedReply]) -> list[bytes]:
+        """Give the requests to a servo that were sent after all the confusable ones, the last one first.
+
+        Whichever reply to one of them comes, it comes after the replies that are feared.
+        """
+        requests = [old.request for old in self._missed.get(sender, ())]
         last = max((requests.index(old.request) for old in confusable if old.request in requests), default=-1)
         return requests[:last:-1]
 
     def longest(self, exchange: Exchange[Any]) -> int:
-        """Give the size of the longest packet that may come late, in bytes; 0 if none may."""
-        lost = self._of(exchange.id)
-        return exchange.framing.overhead + max(max(old.reply.sizes) for old in lost) if lost else 0
+        """Give the size of the longest packet that may come late from the servos asked, in bytes; 0 if none may."""
+        if not self._missed:
+            return 0
+        ids = [reply.id for reply in exchange.replies] or [exchange.id]
+        sizes = [max(old.reply.sizes) for id in ids for old in self._of(exchange.framing, id)]
+        return exchange.framing.overhead + max(sizes) if sizes else 0
 
     # What came
 
-    def count(self, exchange: Exchange[Any]) -> int:
-        """Tell how often this very question was asked in vain."""
-        return sum(old.times for old in self._lost.get(exchange.id, ()) if old.request == exchange.request)
+    def count(self, exchange: Exchange[Any], reply: ReplyPattern) -> int:
+        """Tell how often this reply to this very question was waited for in vain."""
+        missed = self._missed.get((exchange.framing, reply.id), ())
+        return sum(old.times for old in missed if old.request == exchange.request)
 
-    def expects(self, packet: Packet) -> bool:
-        """Tell whether a packet may be one of the late answers of its sender."""
-        return any(old.reply.fits(packet) for old in self._lost.get(packet.id, ()))
+    def expects(self, framing: Framing, packet: Packet) -> bool:
+        """Tell whether a packet may be one of the late replies of its sender."""
+        return any(old.reply.fits(packet) for old in self._missed.get((framing, packet.id), ()))
 
-    def match(self, packet: Packet) -> MissedReply | None:
-        """Give the late answer that a packet is, and expect it no more."""
-        for key in (packet.id, None):
-            for n, old in enumerate(self._lost.get(key, ())):
+    def match(self, framing: Framing, packet: Packet) -> MissedReply | None:
+        """Give the late reply that a packet is, and expect it no more."""
+        for sender in ((framing, packet.id), (framing, None)):
+            missed = self._missed.get(sender, [])
+            for n, old in enumerate(missed):
                 if old.reply.fits(packet):
                     rest = [replace(old, times=old.times - 1)] if old.times > 1 else []
-                    self._keep(key, [*self._lost[key][:n], *rest, *self._lost[key][n + 1 :]])
+                    self._keep(sender, [*missed[:n], *rest, *missed[n + 1 :]])
                     return old
         return None
 
-    def resolve_before(self, id: int, exchange: Exchange[Any], now: float) -> None:
-        """Forget what cannot come any more now that this servo has answered a later question."""
+    def resolve_before(self, framing: Framing, id: int, reply: ReplyPattern, now: float) -> None:
+        """Forget what cannot come any more, now that this servo has answered with this reply.
+
+        If the reply may itself be the late one to an older question of its kind, what was asked after that question is
+        still open.
+        """
         if now > self._until:
-            self._lost.clear()
-        reply = exchange.reply
-        for key in (id, None):
-            if key in self._lost and reply is not None:
-                # If this may be the answer to an older question of its kind, what was asked behind that is still open.
-                lost = self._lost[key]
-                first = next((n for n, old in enumerate(lost) if reply.could_be(old.reply)), len(lost))
-                self._keep(key, lost[first:])
+            self._missed.clear()
+        for sender in ((framing, id), (framing, None)):
+            if (missed := self._missed.get(sender)) is not None:
+                first = next((n for n, old in enumerate(missed) if reply.could_be(old.reply)), len(missed))
+                self._keep(sender, missed[first:])
 
-    def forget(self, id: int) -> None:
-        """Expect no late answer of this servo any more."""
-        for key in (id, None):
-            self._lost.pop(key, None)
+    def forget(self, framing: Framing, id: int) -> None:
+        """Expect no late reply of this servo any more."""
+        for sender in ((framing, id), (framing, None)):
+            self._missed.pop(sender, None)
 
-    def _of(self, id: int) -> list[MissedReply]:
-        return [*self._lost.get(id, ()), *self._lost.get(None, ())]
+    def _of(self, framing: Framing, id: int | None) -> list[MissedReply]:
+        anybody = self._missed.get((framing, None), [])
+        return anybody if id is None else [*self._missed.get((framing, id), ()), *anybody]
 
-    def _keep(self, key: int | None, lost: list[MissedReply]) -> None:
-        if lost:
-            self._lost[key] = lost
+    def _keep(self, sender: Sender, missed: list[MissedReply]) -> None:
+        if missed:
+            self._missed[sender] = missed
         else:
-            del self._lost[key]
+            del self._missed[sender]

@@ -1,73 +1,94 @@
-"""One port, less the waiting: when to send, how long to listen, and what may still be coming.
+"""One port in use: what is sent when, how long to listen, and what may still be coming.
 
-`Link` carries out the steps of a job as generators of waits; a driver only lets time pass, blocking or
-awaiting. Five rules keep it from ever giving a wrong answer:
+`Link` carries out the steps of a job as generators of waits; a driver only lets time pass, blocking or awaiting. A
+generator may be closed at any of its waits: a task was cancelled, Ctrl-C came. The link then still knows what it had
+sent, so that the next question is not answered by the last.
 
-- An answer is taken only if it fits the question, and comes in its time.
-- After any trouble nothing is sent until the line is quiet.
-- An answer that did not come may come late: an adapter or a computer that stalled delivers all at once, in order.
-  So before the same kind of question is asked again, another one whose answer cannot be mistaken is asked
-  (a marker). When that is answered, everything before it has come or never will.
-- What comes back of our own is an echo, or broken, never an answer.
-- A second answer to one question is told: two servos have one id.
+Theory of operation. On a serial bus nothing in a reply says which request it answers. A driver that just sends and
+reads takes a late reply for the next one, and gives a wrong value without any error. Five rules prevent that:
+
+- A packet is taken for the reply only if it fits the question, and does not come sooner than its bits can.
+- After any trouble nothing is sent until the line is quiet: a request that meets leftovers is lost or misread.
+- A reply that did not come may come late. Adapters and computers that stall deliver all at once, but in order. So
+  before a question to which a late reply could be taken for the answer, another one is asked whose answer cannot be
+  mistaken (a fence). When that is answered, everything before it has come or never will.
+- A copy of what was sent is an echo, or a broken one, never a reply.
+- A second reply to one question is reported: two servos have one id.
+
+The state of a link says what may come next:
+
+    state     what is under way              what may come             next request
+    IDLE      nothing                        nothing                   may go the fast path
+    CAREFUL   nothing, or a request that     late replies, echoes      goes the long way: waits for the wire, asks a
+              nothing answers                                          fence where a late reply could be mistaken
+    WAITING   a request that is answered     its reply                 waits for the outcome
+    UNSURE    nothing                        bytes that belong to no   waits until the line is quiet
+                                             request
+
+    from      event                                                    to
+    IDLE      fast path: a request is sent                             WAITING
+    WAITING   its reply came, and there is nothing to be careful of    IDLE
+    WAITING   its reply came, or did not, or the wait was closed       CAREFUL, as long as a reply may come late, a
+                                                                       request is still leaving, an echo is to be taken
+                                                                       out, or a second reply is still to be reported
+    WAITING   what came was garbled, doubled or foreign                UNSURE
+    CAREFUL   bytes are there before a request is sent                 UNSURE
+    UNSURE    the line was quiet                                       CAREFUL
+    CAREFUL   a request is sent                                        WAITING
+
+A stop for safety may take the line over in any state and from another thread: `supersede` gives a new link, in UNSURE,
+and the old one sends nothing more. That is a flag of its own, so that no change of state undoes it.
 """
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Collection, Sequence
+from enum import Enum
 from time import monotonic
-from typing import Any, Final, TypeAlias, TypeVar
+from typing import Any, Final, TypeVar
 
-from servobus.core.exchange import Batch, Collector, Exchange, Job, Now, Pause, SetBaud, Step, ack_only
-from servobus.core.framing import Framing, Noise, Packet
+from servobus.core.exchange import Batch, Exchange, Job, Now, Pause, ReplyPattern, SetBaud, Step
+from servobus.core.framing import Framing, Packet
 from servobus.core.ids import BROADCAST
+from servobus.core.replies import ReplyCollector
 from servobus.core.values import frozen
-from servobus.errors import BrokenEcho, BusError, DuplicateId, LineBusy, NoReply, Refused, Stopped
-from servobus.link.late_replies import SLOWEST, LateReplies, MissedReply
-from servobus.link.latency import Latency
+from servobus.errors import BrokenEcho, BusError, LineBusy, NoReply, Stopped
+from servobus.link.fence import fenced
+from servobus.link.line_clock import LineClock
+from servobus.link.pipeline import Pipeline, is_lost
+from servobus.link.reply_log import ReplyLog
 from servobus.link.stats import Counts, Stats
+from servobus.link.waits import Receive, Rest, Waits
 from servobus.transports.base import Transport
 
 T = TypeVar("T")
 
-BITS_PER_BYTE = 10
-"""Start bit, eight data bits, stop bit: 8N1, as all three families use."""
-FORGOTTEN = 0.21
-"""s after a change of speed in which servos that took what they heard at the old one for the start of a packet
-forget it (HerkuleX, Packet Garbage Check Period: 201.6 ms)."""
-SLOW = 1.03
-"""A servo's speed may be 3 % off (RX-28 manual 3-4-1)."""
 TRIES = 2
 """How often a question is asked at most."""
 DEADLINE = 0.5
 """s after which a question is not asked again."""
 
-
-@frozen
-class Receive:
-    """Wait: up to this many seconds for bytes; the generator is sent what came."""
-
-    seconds: float
-
-
-@frozen
-class Rest:
-    """Wait: let this many seconds pass. `shared` lets others use the line meanwhile."""
-
-    seconds: float
-    shared: bool = False
-
-
-Waits: TypeAlias = Generator[Receive | Rest, bytes, T]
-
 NOT_FAST: Final = object()
 """What `try_fast_receive` gives where a longer look is needed."""
 
 
-@frozen
-class _Pace:
-    """What the shortest way needs to know of an exchange at one speed."""
+class State(Enum):
+    """What may come on the line; see the table at the head of this module."""
 
+    IDLE = "idle"
+    CAREFUL = "careful"
+    WAITING = "waiting"
+    UNSURE = "unsure"
+
+
+IDLE, CAREFUL, WAITING, UNSURE = State.IDLE, State.CAREFUL, State.WAITING, State.UNSURE
+
+
+@frozen
+class _Timing:
+    """What the fast path needs to know of an exchange at one speed."""
+
+    exchanges: tuple[Exchange[Any]]
     window: float
-    """s from the first bit of the request to the last of the answer, at most."""
+    """s from the first bit of the request to the last of the reply, at most."""
     wire: float
     """s of these that the bits take."""
     counts: Counts
@@ -76,8 +97,10 @@ class _Pace:
 class Link:
     """A port in use: its speed, its echo, its delays, and what may still be under way on it.
 
-    heard    is told of every reply, for the alarms in it
-    markers  gives harmless questions to a servo whose answers differ in shape
+    heard    is told of a reply with alarm bits, and of every reply as long as `alarmed` is not empty
+    fences   gives harmless questions to a servo whose answers differ in shape
+    alarmed  servos whose last reply had an alarm in it: that it is over must be told too
+    stats    counters to go on with
     """
 
     def __init__(
@@ -87,50 +110,54 @@ class Link:
         echo: bool | None,
         heard: Callable[[Exchange[Any], Packet], None],
         fences: Callable[[Framing, int], Sequence[Exchange[Any]]],
+        alarmed: Collection[object] = (),
+        stats: Stats | None = None,
     ) -> None:
         self.transport = transport
+        self.state = CAREFUL
+        self.superseded = False
+        """Whether a stop for safety has taken the line over: then nothing is sent here any more."""
         self.echo = echo
         """Whether the adapter gives back what it sends; None as long as that is not known."""
-        self._echo_doubted = False
-        """Whether a request has come back, so that from now on a byte goes before those that are like their answers."""
-        self.stats = Stats()
-        self.latency = Latency(transport)
-        self._heard, self._fences = heard, fences
-        self._late_replies = LateReplies()
-        self._doubled: dict[int, DuplicateId] = {}
-        """Second answers that were found too late to tell who had asked."""
-        self._unquiet = False
-        """Whether bytes may be coming that nobody waits for."""
-        self._answered: Exchange[Any] | None = None
-        self.alarming: set[tuple[Framing, int, int]] = set()
-        """Servos whose last reply had an alarm in it: family, id and speed."""
-        self._used_speed = False
-        """Whether anything was sent since the speed last changed."""
-        self._quiet_at = 0.0
-        """Time at which every servo has forgotten what it heard at another speed."""
-        self._clear_at = 0.0
-        """Time at which the last of our bytes has left."""
-        self._sent_at = 0.0
-        """Time from which on a change of speed cannot spoil them any more."""
+        self._fences = fences
+        self._clock = LineClock(transport)
+        self.log = ReplyLog(transport, self._clock, heard, alarmed, stats)
+        self.latency = self.log.latency
+        self._pipeline = Pipeline()
+        self._probing = False
+        """Whether a request that looks like its own reply came back: from now on a probe goes before such requests."""
+        self._under_way: Sequence[Exchange[Any]] = ()
+        """What was sent last; its replies may still come if the state is WAITING."""
         self._deadline = 0.0
-        self._slow_path = True
-        """Whether the next question must take the long way."""
-        self.superseded = False
-        """Whether somebody else has taken the line over: then nothing is sent here any more."""
-        self._paces: dict[Exchange[Any], _Pace] = {}
-        self._pace_now = _Pace(0.0, 0.0, Counts())
+        """Time at which the last reply must be here."""
         self._began = 0.0
+        """Time at which the fast path sent its request."""
+        self._timings: dict[Exchange[Any], _Timing] = {}
+        self._timing = _Timing((), 0.0, 0.0, Counts())  # type: ignore[arg-type] # nothing was asked yet
+
+    @property
+    def stats(self) -> Stats:
+        """What happened on this line, in numbers."""
+        return self.log.stats
 
     # Whole jobs
 
     def run(self, job: Job[T]) -> Waits[T]:
-        """Carry out a job."""
+        """Carry out a job, at the speed in use now; each SetBaud step changes it for the rest of the job.
+
+        What else uses the line meanwhile, in a shared pause or in a callback of the job, may leave it at another speed.
+        """
         if isinstance(job, Exchange):
             return (yield from self.transact(job))
+        baud = self.transport.baud
         try:
             step = next(job)
             while True:
                 try:
+                    if isinstance(step, SetBaud):
+                        baud = step.baud
+                    if not isinstance(step, Pause | Now):
+                        yield from self.set_baud(baud)
                     result = yield from self._step(step)
                 except BusError as error:
                     step = job.throw(error)
@@ -149,335 +176,351 @@ class Link:
             return (yield from self._batch(step))
         if isinstance(step, Now):
             return self.transport.now()
-        if isinstance(step, SetBaud):
-            yield from self.set_baud(step.baud)
-        else:
-            yield from self._pause(step)
+        if isinstance(step, Pause):
+            yield from self._until(self._clock.clear_at)
+            yield Rest(step.seconds, step.shared)
         return None
 
     def set_baud(self, baud: int) -> Waits[None]:
         """Talk at this speed from now on, if need be after our last bytes have left."""
-        transport = self.transport
-        if baud == transport.baud:
+        if baud == self.transport.baud:
             return
-        yield from self._until(self._sent_at)
+        yield from self._until(self._clock.settled_at)
         self.check()
-        transport.set_baud(baud)
-        self._paces.clear()
-        if self._used_speed:
-            # Servos hear what is sent at another speed as garbage. One that took it for the start of a packet
-            # misses the next request, until it has been quiet for a while.
-            self._quiet_at = transport.now() + FORGOTTEN
-            self._used_speed = False
+        self.transport.set_baud(baud)
+        self._timings.clear()
+        self._clock.note_baud()
 
-    def _pause(self, pause: Pause) -> Waits[None]:
-        yield from self._until(self._clear_at)
-        baud = self.transport.baud
-        yield Rest(pause.seconds, pause.shared)
-        if pause.shared:  # others may have used the line at their own speed
-            yield from self.set_baud(baud)
+    def check(self) -> None:
+        """Raise Stopped if a stop has taken the line over."""
+        if self.superseded:
+            raise Stopped("interrupted: the line was needed to make the servos safe")
+
+    def supersede(self) -> "Link":
+        """Have the exchange under way fail with Stopped, and all later ones; give a link that has the line instead.
+
+        The new link lets what was under way come in before it sends anything, and takes its reply for a late one.
+        """
+        self.superseded = True
+        log = self.log
+        link = Link(
+            self.transport, echo=self.echo, heard=log.heard, fences=self._fences, alarmed=log.alarmed, stats=log.stats
+        )
+        link.state = UNSURE
+        link.log.follow(log)
+        link.latency, link._probing = log.latency, self._probing
+        link._clock.follow(self._clock, log.latency.reply_margin)
+        if self.state is WAITING:
+            link.log.note_under_way(self._under_way)
+        return link
 
     def _until(self, moment: float) -> Waits[None]:
         if (seconds := moment - self.transport.now()) > 0:
             yield Rest(seconds)
 
-    # The shortest way: a calm line, one write, one read
+    # The fast path: an idle line, one write, one read
 
     def try_fast_send(self, exchange: Exchange[Any]) -> float:
         """Send at once if nothing stands against it; give the seconds to listen, or 0 if it takes the long way."""
-        if self._slow_path or self.transport.pending():
+        if self.state is not IDLE or self.superseded or self.transport.pending():
             return 0.0
-        pace = self._paces.get(exchange)
-        if pace is None:
+        timing = self._timings.get(exchange)
+        if timing is None:
             if exchange.reply is None or not exchange.repeatable:
                 return 0.0
-            pace = self._pace(exchange)
+            timing = self._time(exchange)
+        self._under_way = timing.exchanges
+        self.state = WAITING  # before the write: if Ctrl-C ends it, the next question knows of this one
         self._began = monotonic()
         self.transport.write(exchange.request)
-        self._pace_now = pace  # what follows costs no time: the servo is at work
-        pace.counts.sent += 1
-        return pace.window + self.latency.reply_margin
+        self._timing = timing  # what follows costs no time: the servo is at work
+        timing.counts.sent += 1
+        return timing.window + self.latency.reply_margin
 
     def try_fast_receive(self, exchange: Exchange[T], chunk: bytes) -> T | object:
-        """Give the result if what came is the answer and nothing else; NOT_FAST if it takes more than a look."""
+        """Give the result if what came is the reply and nothing else; NOT_FAST if it takes more than a look."""
         packet = exchange.framing.whole(chunk)
-        if packet is None or not exchange.reply.fits(packet) or chunk == exchange.request:  # type: ignore[union-attr] # begin has seen to it
+        if packet is None or not exchange.reply.fits(packet) or chunk == exchange.request:  # type: ignore[union-attr] # try_fast_send has seen to it
             return NOT_FAST
-        pace = self._pace_now
-        late = monotonic() - self._began - pace.wire
-        if late < 0 and self.latency.impossible(late, pace.wire):
+        timing = self._timing
+        late = monotonic() - self._began - timing.wire
+        if late < 0 and self.latency.impossible(late, timing.wire):
             return NOT_FAST
-        counts = pace.counts
+        self.state = IDLE
+        counts = timing.counts
         counts.received += 1
-        counts.worst = max(counts.worst, late)
+        if late > counts.worst:  # noqa: PLR1730 - max() takes three times as long
+            counts.worst = late
         self.latency.note(late)
-        self._answered = exchange
+        self.log.answered = exchange
         alarms = exchange.alarms
-        if alarms is not None and (alarms(packet) or self.alarming):
-            self._tell_alarms(exchange, packet)
-        return exchange.interpret(packet)
+        if alarms is not None and (alarms(packet) or self.log.alarmed):
+            self.log.heard(exchange, packet)
+        return exchange.interpret(packet)  # type: ignore[no-any-return] # it is a T: this is no GroupExchange
 
     def abandon(self, exchange: Exchange[Any]) -> None:
-        """Say that nobody waits for the answer to what `try_fast_send` sent: it may still come."""
-        self._missed(exchange)
-        self._review()
+        """Say that the wait for the reply to what `try_fast_send` sent has ended: the reply may still come."""
+        self.log.note_under_way((exchange,))
+        self._settle()
 
-    def supersede(self) -> "Link":
-        """Have the exchange under way fail with Stopped, and all later ones; give a link that has the line instead.
-
-        It lets what was under way come in before it sends anything.
-        """
-        self.superseded = self._slow_path = True
-        link = type(self)(self.transport, echo=self.echo, heard=self._heard, fences=self._fences)
-        link.stats, link.latency, link._late_replies = self.stats, self.latency, self._late_replies.copy()
-        link.alarming = self.alarming
-        link._quiet_at, link._used_speed, link._unquiet = self._quiet_at, True, True
-        link._clear_at = link._sent_at = self.transport.now() + self.latency.reply_margin
-        return link
-
-    def check(self) -> None:
-        """Raise Stopped if somebody else has taken the line over."""
-        if self.superseded:
-            raise Stopped("interrupted: the line was needed to make the servos safe")
-
-    def _pace(self, exchange: Exchange[Any]) -> _Pace:
+    def _time(self, exchange: Exchange[Any]) -> _Timing:
         """Work out the times of an exchange at the present speed, once."""
-        if len(self._paces) > 1000:
-            self._paces.clear()  # somebody makes his questions anew each time
-        byte_time = BITS_PER_BYTE / self.transport.baud
-        request, reply = len(exchange.request) * byte_time, exchange.reply_size * byte_time
-        window = request + SLOW * (exchange.max_delay + reply)
-        pace = self._paces[exchange] = _Pace(window, request + reply, self.stats[exchange.id])
-        self._used_speed = True
-        return pace
+        if len(self._timings) > 1000:
+            self._timings.clear()  # the program makes its questions anew each time
+        request = len(exchange.request) * self._clock.byte_time
+        window = request + self._clock.longest_answer(exchange)
+        wire = request + exchange.reply_size * self._clock.byte_time
+        timing = self._timings[exchange] = _Timing((exchange,), window, wire, self.log.counts(exchange, exchange.id))
+        self._clock.note_use()
+        return timing
 
-    def _review(self) -> None:
-        """Find out whether the next question may take the shortest way."""
-        self._slow_path = (
-            self.superseded
-            or self.echo is not False
-            or bool(self._late_replies or self._doubled or self._unquiet or self._clear_at)
-        )
-
-    # One exchange
+    # Questions, the long way
 
     def transact(self, exchange: Exchange[T], begun: bytes | None = None) -> Waits[T]:
         """Ask, and ask again where that is allowed. `begun` is what was heard if it is sent already."""
         started = self.transport.now()
-        first: BusError | None = None
+        best: Any = None
         for attempt in range(TRIES):
             if attempt:
-                self.stats[exchange.id].retries += 1
-                yield from self._until(self._quiet_at)
-            try:
-                return (yield from self._attempt(exchange, begun))
-            except (Refused, DuplicateId):
-                raise
-            except BusError as error:
-                if first is None or not isinstance(error, NoReply):
-                    first = error  # of two errors, silence says less
-                if not exchange.repeatable or self.transport.now() - started > DEADLINE:
-                    break
-                begun = None
-        assert first is not None
-        raise first
+                self.log.counts(exchange, exchange.id).retries += 1
+                yield from self._until(self._clock.forgotten_at(exchange.framing))
+            outcome = yield from self._ask_once(exchange, begun)
+            best = outcome if attempt == 0 else _better(best, outcome)
+            begun = None
+            if not (is_lost(outcome) and exchange.repeatable and self.transport.now() - started <= DEADLINE):
+                break
+        if isinstance(best, BusError):
+            raise best
+        done: T = best
+        return done
 
-    def _attempt(self, exchange: Exchange[T], begun: bytes | None = None, *, fencing: bool = False) -> Waits[T]:
-        transport = self.transport
-        request = exchange.request
-        if begun is None:
-            yield from self._ready(exchange, fencing=fencing)
-            unsure = self.echo is None or (self._echo_doubted and not self.echo)
-            if unsure and exchange.looks_like_its_reply():
-                # Before such a request goes a byte that servos skip: if it comes back, the rest is an echo too.
-                request = b"\x00" + request
-            self._send(exchange, request)
-        else:
-            self._deadline = self._began + self._pace_now.window + self.latency.reply_margin
-            self._clear_at = self._began + len(request) * BITS_PER_BYTE / transport.baud
-        collector = Collector(exchange, self.echo, request, self._late_replies.longest(exchange))
-        chunk = begun or b""
-        left = 1.0
-        try:
-            while True:
-                collector.feed(chunk)
-                if collector.packet is not None and self._too_soon(exchange, collector.packet):
-                    collector.packet = None  # a stranger: an older answer, or one more to what was asked before
-                if collector.done or left <= 0:
-                    break
-                # When time is up the answer may be here all the same, if this computer stalled: look once more.
-                left = self._deadline - transport.now()
-                chunk = yield Receive(max(left, 0.0))
-            return self._judge(collector)
-        finally:
-            if collector.packet is None or collector.broken_echo:
-                self._missed(exchange)  # it may still come; even if who asked gave up
-            self._review()
-
-    def _ready(self, exchange: Exchange[Any], *, fencing: bool = False) -> Waits[None]:
-        """Wait until nothing stands against sending, and nothing that comes can be mistaken for the answer.
-
-        A marker is asked all the same: an older answer to it tells enough.
-        """
-        self.check()
-        # What can be asked again need not wait for the servos to forget.
-        yield from self._until(self._clear_at if exchange.repeatable else max(self._clear_at, self._quiet_at))
-        if leftover := self.transport.discard():
-            self._sort(leftover, exchange.framing)
-            self._unquiet = True
-        if self._unquiet:
-            yield from self._drain(exchange)
-        if (error := self._doubled.pop(exchange.id, None)) is not None:
-            raise error
-        if not fencing and (confusable := self._late_replies.confusable(exchange)):
-            yield from self._fence(exchange, confusable)
-
-    def _send(self, exchange: Exchange[Any], request: bytes) -> None:
-        """Send, and work out when to give up."""
-        self.check()
-        transport = self.transport
-        self.latency.review()
-        self._used_speed = True
-        self.stats[exchange.id].sent += 1
-        now = transport.now()
-        transport.write(request)
-        byte_time = BITS_PER_BYTE / transport.baud
-        self._clear_at = self._sent_at = max(now, self._clear_at) + len(request) * byte_time
-        if exchange.reply is not None:
-            longest = SLOW * (exchange.max_delay + exchange.reply_size * byte_time)
-            self._deadline = self._clear_at + longest + self.latency.reply_margin
-        else:
-            # Where nothing answers nobody tells when the adapter has really sent it.
-            self._sent_at += transport.latency
-            self._deadline = self._clear_at if self.echo is False else self._sent_at
-
-    def _judge(self, collector: Collector[T]) -> T:
-        """Turn what was collected into the result, or raise."""
-        exchange, packet = collector.exchange, collector.packet
-        counts = self.stats[exchange.id]
-        if not collector.done:
-            collector.quiet()
-        if self.echo is False and collector.heard.startswith(collector.sent) and exchange.looks_like_its_reply():
-            self.echo = collector.packet = packet = None  # the answer is still to come
-            self._echo_doubted = True  # a servo may answer so, such as one with a voltage error
-            error: BusError | None = BrokenEcho(f"{exchange.what}: the line echoes what is sent; it did not before")
-        else:
-            self.echo = collector.echo if collector.echo is not None else self.echo
-            error = None
-        counts.checksum += collector.corrupt
-        counts.junk += collector.junk
-        older = self._late_replies.count(exchange)
-        for stranger in collector.strangers:
-            self._stray(stranger)
-        if packet is not None:
-            self._accept(exchange, packet, self._clear_at)
-            self._clear_at = 0.0  # what is answered has left
-        try:
-            if error is not None:
-                raise error
-            return collector.result(older)
-        except BusError as error:
-            counts.timeouts += isinstance(error, NoReply)
-            counts.echo += isinstance(error, BrokenEcho)
-            counts.doubled += isinstance(error, DuplicateId)
-            self._unquiet = self._unquiet or not isinstance(error, NoReply | Refused)
-            raise
-
-    def _lateness(self, exchange: Exchange[Any], packet: Packet, left: float) -> float:
-        """Tell how much later than its bits allow an answer has come, s, to a request that had left at that time."""
-        size = exchange.framing.overhead + len(packet.data)
-        return self.transport.now() - left - size * BITS_PER_BYTE / self.transport.baud
-
-    def _too_soon(self, exchange: Exchange[Any], packet: Packet) -> bool:
-        size = len(exchange.request) + exchange.framing.overhead + len(packet.data)
-        late = self._lateness(exchange, packet, self._clear_at)
-        return self.latency.impossible(late, size * BITS_PER_BYTE / self.transport.baud)
-
-    def _accept(self, exchange: Exchange[Any], packet: Packet, left: float) -> None:
-        """Take note of an answer to a request that had left at that time."""
-        now, late = self.transport.now(), self._lateness(exchange, packet, left)
-        counts = self.stats[packet.id]
-        counts.received += 1
-        counts.worst = max(counts.worst, late)
-        self.latency.note(late)
-        self._answered = exchange
-        if self._late_replies:
-            self._late_replies.resolve_before(packet.id, exchange, now)
-        if exchange.alarms is not None and (exchange.alarms(packet) or self.alarming):
-            self._tell_alarms(exchange, packet)
-
-    def _tell_alarms(self, exchange: Exchange[Any], packet: Packet) -> None:
-        """Tell of alarms that are there, or that ended."""
-        alarms = exchange.alarms is not None and exchange.alarms(packet)
-        servo = exchange.framing, packet.id, self.transport.baud
-        if alarms or servo in self.alarming:
-            (self.alarming.add if alarms else self.alarming.discard)(servo)
-            self._heard(exchange, packet)
-
-    # What may still come
-
-    def _missed(self, exchange: Exchange[Any]) -> None:
-        """Remember an answer that did not come, and may come late."""
-        self._late_replies.add(exchange, self._clear_at, self.transport.now())
-
-    def _fence(self, exchange: Exchange[Any], confusable: Sequence[MissedReply]) -> Waits[None]:
-        """Ask something else, whose answer ends all doubts about what comes late."""
-        id = exchange.id
-        reply_margin = self.latency.reply_margin
-        fences = [_strict(fence) for fence in self._fences(exchange.framing, id)] if id != BROADCAST else []
-        for fence in fences:
-            if self._late_replies.ambiguous(fence, confusable):
+    def _batch(self, batch: Batch) -> Waits[list[Any]]:
+        """Ask as many at once as the line allows; one by one, what did not come through."""
+        outcomes: list[Any] = []
+        rest = batch.exchanges
+        while rest:
+            count = 1 if self.echo is None else self._pipeline.together(rest, self.log.doubtful)
+            some, rest = rest[:count], rest[count:]
+            if count == 1:
+                outcome = yield from self._outcome(some[0], again=batch.again)
+                self._pipeline.learn_alone(outcome)
+                outcomes.append(outcome)
                 continue
             try:
-                yield from self._attempt(fence, fencing=True)
-            except NoReply as error:
-                if self.latency.reply_margin > reply_margin:
-                    reply_margin = self.latency.reply_margin  # what came late has taught us to wait longer
-                    continue
-                if exchange.request == fences[0].request:
-                    return  # a servo that answers nothing else may still answer this
-                raise NoReply(f"{exchange.what}: no reply", error.heard) from None
-            return
-        # All of them were asked in vain. Whichever answer to the last of them comes, it comes behind the suspects.
-        for request in self._late_replies.later_requests(id, confusable):
-            if (last := next((fence for fence in fences if fence.request == request), None)) is not None:
-                try:
-                    yield from self._attempt(last, fencing=True)
-                except NoReply as error:
-                    raise NoReply(f"{exchange.what}: no reply", error.heard) from None
-                return
-        if fences and self.transport.now() <= max(old.given_up for old in confusable) + SLOWEST:
-            raise NoReply(f"{exchange.what}: not asked: an older answer could still come and be taken for this one")
-        self._late_replies.forget(id)  # nobody has answered for long: begin anew
+                found = yield from self._attempt(some)
+            except BusError as error:  # nothing was sent
+                outcomes += [error] * count
+                continue
+            for n, exchange in enumerate(some):
+                if batch.again and exchange.repeatable and is_lost(found[n]):
+                    self.log.counts(exchange, exchange.id).retries += 1
+                    found[n] = yield from self._outcome(exchange, again=True)
+            outcomes += found
+        return outcomes
 
-    def _stray(self, packet: Packet) -> None:
-        """Take note of a packet that is no answer to what was asked: a late one, or a stranger's."""
-        counts = self.stats[packet.id]
-        old = self._late_replies.match(packet)
-        if old is None:
-            counts.strangers += 1
+    def _outcome(self, exchange: Exchange[Any], *, again: bool) -> Waits[Any]:
+        """Ask one question, and give what went wrong instead of raising it."""
+        if not again:
+            return (yield from self._ask_once(exchange))
+        try:
+            return (yield from self.transact(exchange))
+        except BusError as error:
+            return error
+
+    def _ask_once(self, exchange: Exchange[Any], begun: bytes | None = None, *, fence: bool = False) -> Waits[Any]:
+        try:
+            (outcome,) = yield from self._attempt((exchange,), begun, fence=fence)
+        except BusError as error:
+            return error
+        return outcome
+
+    def _attempt(
+        self, exchanges: Sequence[Exchange[Any]], begun: bytes | None = None, *, fence: bool = False
+    ) -> Waits[list[Any]]:
+        """Send one or several questions and wait for their replies; give a result or a BusError for each.
+
+        Raises the BusError that kept them from being sent.
+        """
+        refused: dict[int, BusError] = {}
+        if begun is None:
+            refused = yield from self._ready(exchanges, fence=fence)
+        longest = max(map(self.log.late_replies.longest, exchanges))
+        collector = ReplyCollector(exchanges, self.echo, self._with_probe(exchanges, begun), longest)
+        for n, error in refused.items():
+            collector.give_up(n, error)
+        if refused and collector.done:
+            return collector.outcomes()
+        older = [self.log.late_replies.count(*expected) for expected in collector.expected]
+        left: list[float] = []
+        unsure = False
+        try:
+            if begun is None:
+                yield from self._send_all(collector, left)
+            else:
+                self._clock.clear_at = self._began + len(collector.sent) * self._clock.byte_time
+                self._deadline = self._began + self._timing.window + self.latency.reply_margin
+                left.append(self._clock.clear_at)
+                self._take(collector, begun, left)
+            yield from self._receive(collector, self._deadline, left)
+            outcomes, unsure = self._judge(collector, older, left)
+            return outcomes
+        finally:
+            self.log.note_missed(collector.missing)  # they may still come, even if the wait for them was closed
+            if collector.packets and collector.packets[-1] is not None:
+                self._clock.note_answered()
+            self._settle(unsure=unsure)
+
+    def _with_probe(self, exchanges: Sequence[Exchange[Any]], begun: bytes | None) -> bytes:
+        """Put the probe before a request that could be its own reply, as long as an echo is possible.
+
+        If the probe comes back, so does the request, and it is no reply.
+        """
+        exchange = exchanges[0]
+        doubtful = self.echo is None or (self._probing and not self.echo)
+        if len(exchanges) == 1 and begun is None and doubtful and exchange.looks_like_its_reply():
+            return exchange.framing.probe + exchange.request
+        return exchange.request
+
+    def _send_all(self, collector: ReplyCollector, left: list[float]) -> Waits[None]:
+        """Send the questions so that no two replies can meet; note when each request has left."""
+        exchanges, clock = collector.exchanges, self._clock
+        self._under_way = exchanges
+        if len(exchanges) == 1:
+            self._send(exchanges, collector.sent)
+            left.append(clock.clear_at)
+        elif exchanges[0].framing.filler and not self.echo:  # an echo of the fillers could not be told from noise
+            data, ends = self._pipeline.stream(exchanges, clock.byte_time)
+            self._send(exchanges, data)
+            left += [clock.clear_at - (len(data) - end) * clock.byte_time for end in ends]
         else:
-            counts.late += 1
-            self.latency.note(self.transport.now() - old.due)
+            for n, exchange in enumerate(exchanges):
+                if n:
+                    due = clock.clear_at + self._pipeline.answered_within(exchanges[n - 1], clock.byte_time)
+                    yield from self._receive(collector, due, left, wanted=n - 1)
+                    yield from self._until(clock.clear_at)
+                self._send((exchange,), exchange.request)
+                left.append(clock.clear_at)
 
-    def _sort(self, leftover: bytes, framing: Framing) -> None:
-        """Look through bytes that came when nobody waited for any."""
-        last = self._answered
-        for event in (last.framing if last is not None else framing).decode(leftover):
-            if isinstance(event, Packet):
-                known = self._late_replies.expects(event)
-                if last is not None and last.reply is not None and last.reply.fits(event) and not known:
-                    self.stats[event.id].doubled += 1
-                    collector = Collector(last)
-                    collector.feed(leftover)
-                    self._doubled[event.id] = collector.duplicate()
-                else:
-                    self._stray(event)
-            elif isinstance(event, Noise):
-                self.stats[BROADCAST].junk += len(event.raw)
+    def _send(self, exchanges: Sequence[Exchange[Any]], data: bytes) -> None:
+        """Send, and work out when to give up."""
+        self.check()
+        self.latency.review()
+        last = exchanges[-1]
+        for exchange in exchanges:
+            self.log.counts(exchange, exchange.id).sent += 1
+        now = self.transport.now()
+        self.state = WAITING
+        self.transport.write(data)
+        clock = self._clock
+        clock.note_sent(now, len(data), answered=bool(last.replies))
+        if last.replies:
+            self._deadline = clock.clear_at + clock.longest_answer(last) + self.latency.reply_margin
+        else:
+            self._deadline = clock.clear_at if self.echo is False else clock.settled_at
 
-    def _drain(self, exchange: Exchange[Any]) -> Waits[None]:
-        """Receive until the line is quiet. Raises LineBusy if it never is."""
+    def _receive(
+        self, collector: ReplyCollector, until: float, left: Sequence[float], wanted: int | None = None
+    ) -> Waits[None]:
+        """Receive until this time, or until all replies are here, or the one that is wanted.
+
+        When time is up the reply may be here all the same, if this computer stalled: it looks once more.
+        """
+        seconds = 1.0
+        while not collector.done and seconds > 0 and (wanted is None or collector.packets[wanted] is None):
+            seconds = until - self.transport.now()
+            self._take(collector, (yield Receive(max(seconds, 0.0))), left)
+
+    def _take(self, collector: ReplyCollector, chunk: bytes, left: Sequence[float]) -> None:
+        """Take bytes in, and take note of the packets in them."""
+        arrivals = collector.feed(chunk)
+        if not self._is_new_echo(collector):
+            self._sort_arrivals(collector, arrivals, left)
+
+    def _sort_arrivals(
+        self, collector: ReplyCollector, arrivals: Sequence[tuple[int | None, Packet]], left: Sequence[float]
+    ) -> None:
+        for n, packet in arrivals:
+            exchange = collector.exchanges[0] if n is None else collector.expected[n][0]
+            if n is None:
+                self.log.note_stray(exchange.framing, packet)
+                continue
+            now, byte_time = self.transport.now(), self._clock.byte_time
+            size = collector.size_until(n)
+            late = now - left[collector.owners[n]] - size * byte_time
+            if self.latency.impossible(late, (len(exchange.request) + size) * byte_time):
+                collector.reject(n)  # an older reply, or one more to what was asked before
+                self.log.note_stray(exchange.framing, packet)
+            else:
+                self.log.note_reply(exchange, collector.expected[n][1], packet, late)
+
+    def _judge(self, collector: ReplyCollector, older: Sequence[int], left: Sequence[float]) -> tuple[list[Any], bool]:
+        """Give the outcomes of what was collected, and whether bytes may come that belong to no request."""
+        if not collector.done:
+            self._sort_arrivals(collector, collector.end(), left)
+        exchanges = collector.exchanges
+        if self._is_new_echo(collector):
+            collector.reject(0)  # the reply is still to come
+            self.echo = None
+            self._probing = True  # a servo may answer so, such as one with a voltage error
+            said = "the line echoes what is sent; it did not before"
+            outcomes: list[Any] = [BrokenEcho(f"{exchanges[0].what}: {said}")]
+        else:
+            self.echo = collector.echo if collector.echo is not None else self.echo
+            outcomes = collector.outcomes(older)
+        several = len(collector.expected) > 1
+        # Of several questions nobody knows whose reply the broken bytes were.
+        counts = self.log.counts(exchanges[0], BROADCAST if several else exchanges[0].id)
+        counts.checksum += collector.corrupt
+        counts.junk += collector.junk
+        if len(exchanges) > 1:
+            self._pipeline.learn(exchanges, outcomes, self._clock.byte_time, noisy=collector.noisy)
+        troubled = self.log.note_outcomes(exchanges, outcomes)
+        return outcomes, troubled or (several and collector.noisy)
+
+    def _is_new_echo(self, collector: ReplyCollector) -> bool:
+        """Tell whether what looks like the reply is the request, on a line that was thought not to echo."""
+        return self.echo is False and collector.could_be_echo
+
+    # Before a request
+
+    def _ready(self, exchanges: Sequence[Exchange[Any]], *, fence: bool) -> Waits[dict[int, BusError]]:
+        """Wait until nothing stands against sending, and no late reply can be taken for the ones to come.
+
+        Gives the errors of those replies, by number, for which a late one could still be taken. Before a fence no other
+        fence is asked: even an older reply to it proves that what was asked before it has come.
+        """
+        self.check()
+        if self.state is WAITING:  # the fast path was broken off before it could say so
+            self.log.note_under_way(self._under_way)
+            self._settle()
+        until = self._clock.clear_at
+        if not all(exchange.repeatable for exchange in exchanges):
+            # What is not sent twice must not meet a servo that still takes bytes of another speed for a packet.
+            until = max(until, self._clock.forgotten_at(exchanges[0].framing))
+        yield from self._until(until)
+        yield from self._quiet(exchanges[0])
+        refused: dict[int, BusError] = {}
+        asked = [(exchange, reply) for exchange in exchanges for reply in exchange.replies or (None,)]
+        for n, (exchange, reply) in enumerate(asked):
+            id = exchange.id if reply is None or reply.id is None else reply.id
+            error: BusError | None = self.log.second_replies.pop((exchange.framing, id), None)
+            if error is None and reply is not None and not fence:
+                error = yield from self._fenced(exchange, reply, id)
+            if error is not None:
+                refused[n] = error
+        if refused and len(asked) == 1:
+            raise refused[0]
+        if refused and len(refused) < len(asked):
+            yield from self._quiet(exchanges[0])
+        return refused
+
+    def _quiet(self, exchange: Exchange[Any]) -> Waits[None]:
+        """Take out what came although nothing was asked, and wait until no more comes. Raises LineBusy if it does."""
+        if leftover := self.transport.discard():
+            self.log.note_leftover(leftover, exchange.framing)
+            self.state = UNSURE
+        if self.state is not UNSURE:
+            return
         gap = min(self.latency.reply_margin, 0.005)
         abandon = self.transport.now() + 0.25
         heard = bytearray()
@@ -487,29 +530,27 @@ class Link:
                 said = f"{len(heard)} bytes came in 0.25 s although nobody was asked: another master, or noise?"
                 raise LineBusy(f"{exchange.what}: not sent, the line is never quiet: {said}", bytes(heard))
         if heard:
-            self._sort(bytes(heard), exchange.framing)
-        self._unquiet = False
+            self.log.note_leftover(bytes(heard), exchange.framing)
+        self.state = CAREFUL
 
-    # Several at once
+    def _fenced(self, exchange: Exchange[Any], reply: ReplyPattern, id: int) -> Waits[BusError | None]:
+        fences = self._fences(exchange.framing, id) if id != BROADCAST else ()
 
-    def _batch(self, volley: Batch) -> Waits[list[Any]]:
-        """Ask one after the other; servobus.link.pipeline does better."""
-        results = []
-        for exchange in volley.exchanges:
-            results += [(yield from self._caught(exchange, again=volley.again))]
-        return results
+        def ask(fence: Exchange[Any]) -> Waits[Any]:
+            return self._ask_once(fence, fence=True)
 
-    def _caught(self, exchange: Exchange[Any], *, again: bool) -> Waits[Any]:
-        """Ask, and give what went wrong instead of raising it."""
-        try:
-            return (yield from (self.transact(exchange) if again else self._attempt(exchange)))
-        except BusError as error:
-            return error
+        return (yield from fenced(exchange, reply, fences, self.log, ask, self.transport.now))
+
+    def _settle(self, *, unsure: bool = False) -> None:
+        """Leave WAITING."""
+        careful = self.echo is not False or self.log.uneasy or self._clock.clear_at
+        self.state = UNSURE if unsure else CAREFUL if careful else IDLE
 
 
-def _strict(fence: Exchange[Any]) -> Exchange[None]:
-    """Make a marker of a question: only its full answer counts, for what looks like a refusal may be older."""
-    strict = fence.mapped(ack_only)
-    if strict.reply is not None:
-        strict.reply = strict.reply.strict()
-    return strict
+def _better(old: Any, new: Any) -> Any:
+    """Choose between the outcomes of two tries: what was understood, and of two errors not silence, which says less."""
+    if isinstance(old, list):
+        return [_better(*pair) for pair in zip(old, new, strict=True)] if isinstance(new, list) else old
+    if not is_lost(old) or (is_lost(new) and isinstance(new, NoReply)):
+        return old
+    return new

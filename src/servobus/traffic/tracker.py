@@ -13,9 +13,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from servobus.core.exchange import Reply
+from servobus.core.exchange import ReplyPattern
 from servobus.core.framing import Corrupt, Event, Noise, Packet
-from servobus.families.base import Family, Model, Question
+from servobus.families.base import Family, Model
 from servobus.families.explain import addressed, servo, show_bytes
 from servobus.families.present import junk_text
 from servobus.families.registry import FAMILIES, MODELS, first_model
@@ -35,19 +35,17 @@ REPEATED = 1024
 """Packets whose explanation is kept: programs ask the same again and again."""
 ECHOES = 16
 """Requests whose echo may still come."""
-PROBE = b"\x00"
-"""What a driver sends right before its first request to learn whether the line echoes: servos skip it."""
 HEAD = 4
 """Bytes of a packet that tell whose it is and how long, in all families."""
 
 
 @dataclass(slots=True, eq=False)
 class _Open:
-    """A question on its way."""
+    """A reply that a question on its way asks for."""
 
     family: Family
     packet: Packet
-    question: Question
+    reply: ReplyPattern
     text: str
     end: float
     """s: when its last byte was on the wire."""
@@ -58,13 +56,18 @@ class _Open:
     spoiled: bool = False
     """Whether something corrupt came that may have been the answer."""
 
+    @property
+    def id(self) -> int:
+        """The servo that must answer; the broadcast id where any may."""
+        return self.packet.id if self.reply.id is None else self.reply.id
+
     def fits(self, family: Family, packet: Packet) -> bool:
-        return family is self.family and self.question.reply is not None and self.question.reply.fits(packet)
+        return family is self.family and self.reply.fits(packet)
 
     def begins(self, raw: bytes) -> bool:
         """Tell whether these bytes are the beginning of the answer, and not all of it."""
-        reply, framing = self.question.reply, self.family.framing
-        if reply is None or reply.id is None or len(raw) < HEAD - 1:
+        reply, framing = self.reply, self.family.framing
+        if reply.id is None or len(raw) < HEAD - 1:
             return False
         whole = [framing.frame(Packet(reply.id, reply.code or 0, bytes(size))) for size in reply.sizes]
         return any(len(raw) < len(one) and one[:HEAD].startswith(raw[:HEAD]) for one in whole)
@@ -173,7 +176,7 @@ class Tracker:
             return self._decide(family) if family is not None else []
         if not good_bytes(self._family, chunk.data):
             # Only what is wholly made of another family's packets is its: a false packet may hide in anything.
-            size = len(chunk.data.removeprefix(PROBE))
+            size = len(chunk.data.removeprefix(self._family.framing.probe))
             others = (one for one in FAMILIES.values() if size and good_bytes(one, chunk.data) == size)
             if (other := next(others, None)) is not None:
                 events = [one for stream in self._streams.values() for one in self._sort(stream, stream.flush())]
@@ -212,8 +215,8 @@ class Tracker:
 
     def _longest(self, family: Family) -> float:
         """Give the size of the longest answer that may come, in bytes; infinite while nothing was asked."""
-        asked = [one.question.reply for one in (*self._open, *self._overdue) if one.family is family]
-        sizes = [family.framing.overhead + max(reply.sizes) for reply in asked if reply is not None]
+        asked = [one.reply for one in (*self._open, *self._overdue) if one.family is family]
+        sizes = [family.framing.overhead + max(reply.sizes) for reply in asked]
         return max(sizes, default=math.inf) if self._open else math.inf
 
     def _wire_time(self, count: int) -> float:
@@ -246,7 +249,7 @@ class Tracker:
         self, stream: Stream, raw: bytes, first: Mark, behind: Sequence[tuple[int, bytes, Event]]
     ) -> TrafficEvent | None:
         """Recognise the byte that a driver sends before a request to find out about an echo, or that byte's echo."""
-        if raw != PROBE:
+        if raw != stream.family.framing.probe:
             return None
         family, direction, time = stream.family, stream.direction, first.time
         if direction is Direction.IN and time < self._probed:
@@ -268,7 +271,7 @@ class Tracker:
 
     def _cut(self, asked: _Open, stream: Stream, raw: bytes, first: Mark) -> TrafficEvent:
         asked.spoiled = True
-        id = asked.packet.id
+        id = asked.id
         self._counts(stream.family, id).corrupt += 1
         self.cut_short += 1
         text = f"CUT SHORT: the answer of {servo(id)} begins so, and a byte or more of it is lost"
@@ -281,7 +284,7 @@ class Tracker:
         asked = self._answered_by(stream.family, packet)
         if asked is not None and not (packet.data and packet == asked.packet):
             return False
-        return stream.family.question(packet) is not None
+        return stream.family.replies_to(packet) is not None
 
     def _answered_by(self, family: Family, packet: Packet) -> _Open | None:
         return next((one for one in self._open if one.fits(family, packet)), None)
@@ -297,21 +300,23 @@ class Tracker:
                 if answers is not None and one.begins(answers.decoder.begun):
                     yield from self._sort(answers, answers.flush())  # the rest of it will not come any more
                 yield from self._time_out(one, first.time)
-        question = family.question(packet)
-        if question is None:
+        replies = family.replies_to(packet)
+        if replies is None:
             data = f", data {show_bytes(packet.data)}" if packet.data else ""
             text = f"unknown request {packet.code:#04x} {addressed(packet.id)}{data}"
-            question = Question(Reply(packet.id, None, (0,)), certain=False)  # it may be refused
+            replies = (ReplyPattern(packet.id, None, (0,), certain=False),)  # it may be refused
         else:
             text = self._explain(family, packet, None)
         self._perhaps_echoed = None
         self._counts(family, packet.id).requests += 1
         self._sent.append((packet, end + PATIENCE))
-        if question.reply is not None:
-            expected = question.certain or (family.name, packet.id) in self._answers_commands
-            size = family.framing.overhead + max(question.reply.sizes)
+        size = 0
+        for reply in replies:
+            id = packet.id if reply.id is None else reply.id
+            expected = reply.certain or (family.name, id) in self._answers_commands
+            size += family.framing.overhead + max(reply.sizes)
             deadline = end + PATIENCE + self._wire_time(size)
-            self._open.append(_Open(family, packet, question, text, end, last.time, expected, deadline))
+            self._open.append(_Open(family, packet, reply, text, end, last.time, expected, deadline))
         yield TrafficEvent(first.time, stream.direction, Kind.REQUEST, text, family, packet.id, raw)
 
     def _answer(self, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
@@ -328,9 +333,9 @@ class Tracker:
                     self._perhaps_echoed = asked
                 else:
                     self._echo = False
-            self._counts(family, asked.packet.id).answered += 1
+            self._counts(family, asked.id).answered += 1
             counts.answers += 1
-            if not asked.question.certain:
+            if not asked.reply.certain:
                 self._answers_commands.add((family.name, packet.id))
             return self._answer_to(asked, stream, packet, raw, first)
         if self._perhaps_echoed is not None and self._perhaps_echoed.fits(family, packet):
@@ -366,14 +371,15 @@ class Tracker:
             said = self._explain(family, packet, late.packet)
             return Trouble.LATE, f"LATE, {1000 * (time - late.end):.0f} ms behind its question: {said}"
         said = self._explain(family, packet, None)
-        if family.question(packet) is not None:  # read as a request, it would say what it cannot mean here
+        if family.replies_to(packet) is not None:  # read as a request, it would say what it cannot mean here
             data = f", data {show_bytes(packet.data)}" if packet.data else ""
             said = f"answer of {servo(packet.id)}, {packet.code:#04x}{data}"
-        asked = next((one for one in self._open if one.family is family), None)
+        open = [one for one in self._open if one.family is family]
+        asked = next((one for one in open if one.id == packet.id), open[0] if open else None)
         if asked is None:
             return Trouble.UNASKED, f"NOBODY ASKED for this: {said}"
-        if asked.packet.id != packet.id:
-            return Trouble.STRANGER, f"STRANGER, id {asked.packet.id} was asked: {said}"
+        if asked.id != packet.id:
+            return Trouble.STRANGER, f"STRANGER, id {asked.id} was asked: {said}"
         self._open.remove(asked)
         self._counts(family, packet.id).failed += 1
         return Trouble.MISFIT, f"DOES NOT FIT the question: {said}"
@@ -386,7 +392,7 @@ class Tracker:
         if asked is not None:
             asked.spoiled = True
         # Its id may be what is wrong: it counts for a servo that was asked, or is known.
-        id = asked.packet.id if asked else packet.id
+        id = asked.id if asked else packet.id
         if asked is not None or (family.name, id) in self._servos:
             self._counts(family, id).corrupt += 1
         self.corrupt += 1
@@ -398,16 +404,16 @@ class Tracker:
         """End the wait for an answer."""
         self._open.remove(asked)
         self._overdue.append(asked)
-        counts = self._counts(asked.family, asked.packet.id)
+        counts = self._counts(asked.family, asked.id)
         if asked.spoiled:
             counts.failed += 1
         elif asked.expected:
             counts.failed += 1
             counts.missing += 1
             # Perhaps it was told to answer commands no longer: it is not expected to until it does again.
-            self._answers_commands.discard((asked.family.name, asked.packet.id))
+            self._answers_commands.discard((asked.family.name, asked.id))
             text = f"NO ANSWER to {asked.text}"
-            id = asked.packet.id
+            id = asked.id
             yield TrafficEvent(time, Direction.IN, Kind.SILENCE, text, asked.family, id, b"", None, Trouble.SILENT)
 
     def _explain(self, family: Family, packet: Packet, request: Packet | None) -> str:

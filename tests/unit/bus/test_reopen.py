@@ -123,7 +123,7 @@ def test_an_answer_of_the_old_port_is_none_on_the_new_one(driver: str) -> None:
     old = port.bus.link
     sent = port.bus.stats.total.sent
     port.lose()
-    assert old._late_replies
+    assert old.log.late_replies
     port.line.rig.lines[0].echo = True
     port.do(lambda bus: bus.reopen())
     assert port.bus.echo is True

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 import servobus
-from servobus import LX16A, RX28, UnknownName, deg
+from servobus import LX16A, RX28, UnknownName, UsageError, deg
 
 ARM = "virtual:rx28@1,lx16a@2?clock=virtual"
 
@@ -85,3 +85,30 @@ def test_torque_takes_servos_and_ids_and_by_default_all() -> None:
     bus.move({rx: 140 * deg, 2: 110 * deg}, time=0.2).wait()
     with pytest.raises(UnknownName, match=r"no servo with id 3 is known here \(known: 1, 2\)"):
         bus.torque_on([1, 3])
+
+
+def test_a_name_or_an_alias_stands_for_a_register() -> None:
+    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
+        servo = bus.find(1, family="dynamixel")
+        assert servo.read("present_position") == servo.read(RX28.present_position)
+        assert servo.read_raw(["present_position", RX28.moving]) == servo.read_raw([RX28.present_position, "moving"])
+        servo.write("led", True)
+        servo.write_many({"max_temperature": 70.0, RX28.punch: 0.1})
+        servo.write_raw({"highest_limit_temperature": 71})
+        servo.store({"max_temperature": 72.0})
+        seen = servo.read_many(["led", "max_temperature", RX28.punch])
+        assert seen == {"led": True, "highest_limit_temperature": 72.0, "punch": pytest.approx(0.1, abs=0.001)}
+
+
+def test_a_name_that_is_none_sends_nothing() -> None:
+    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
+        servo = bus.attach(RX28, 1)
+        with pytest.raises(UnknownName, match="RX-28 has no register 'present_positon'; did you mean present_position"):
+            servo.read("present_positon")
+        with pytest.raises(
+            UsageError, match=r"36 is no register: give one such as RX28\.present_position, or its name"
+        ):
+            servo.read(36)  # type: ignore[arg-type] # what a reader of the manual tries
+        with pytest.raises(UsageError, match="highest_limit_temperature is given twice"):
+            servo.write_many({"max_temperature": 70.0, RX28.highest_limit_temperature: 71.0})
+        assert bus.stats.total.sent == 0

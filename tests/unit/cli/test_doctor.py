@@ -38,7 +38,7 @@ def test_all_speeds_are_tried_if_nobody_answers(run: Run) -> None:
 
 
 def test_unless_a_speed_is_named(run: Run) -> None:
-    port = "virtual:rx28@1?clock=virtual&baud=500000"
+    port = "virtual:rx28@1?clock=virtual&baud=1000000"
     text = run("doctor", port, "--ids", "0-3", "--baud", 57600, code=1).stdout
     assert "nobody answers" in text
     assert f"servobus doctor '{port}' --baud all" in text

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from samples import factory_bauds
+from servobus import RX28
 from unit.cli.conftest import ALL, DRS, LX, RX, Run
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals as on POSIX")
@@ -135,7 +137,8 @@ def test_all(run: Run, refused: Callable[..., str]) -> None:
     assert run("stop", RX, "all", "--family", "dynamixel").stdout.count("stopped\n") == 3
     assert run("torque", RX, "all", "on", "--family", "dynamixel").stdout.count("torque on\n") == 3
     result = run("torque", RX, "all", "off")
-    assert result.stdout.startswith("torque off: told every servo (dynamixel at 57600")
+    speeds = "/".join(map(str, factory_bauds(RX28.family)))
+    assert result.stdout.startswith(f"torque off: told every servo (dynamixel at {speeds}, ")
     assert "either ids or `all`" in refused("stop", RX, "1", "all", code=2)
     assert "no servo answers (lewansoul at 115200)" in refused("stop", RX, "all", "--family", "lewansoul")
     assert "named twice" in refused("torque", RX, 1, 1, "on")

@@ -137,3 +137,12 @@ def test_an_alias_in_a_backup_is_restored_too() -> None:
     saved = Backup.parse(servo.backup().text().replace("highest_limit_temperature = 80", "max_temperature = 70"))
     assert servo.restore(saved) == ["highest_limit_temperature"]
     assert servo.read("max_temperature") == 70.0
+
+
+def test_damaged_backups_are_refused() -> None:
+    for text in ("", "model = 3", 'model = "rx28"', "not toml at all ["):
+        with pytest.raises(UsageError, match="not a backup file"):
+            Backup.parse(text)
+    text = 'model = "rx28"\nfirmware = "8"\nid = 1\nbaud = 57600\n[settings]\nmax_torque = 2000\n'
+    with pytest.raises(UsageError, match="damaged"):
+        Backup.parse(text)

@@ -1,4 +1,4 @@
-"""Jobs of several steps, against virtual servos on virtual time."""
+"""What the families share works the same for all: moves, turns, ids and backups, on virtual time."""
 
 import asyncio
 
@@ -7,83 +7,14 @@ import pytest
 import servobus
 from samples import every_model, turning
 from servobus import (
-    DRS0602,
-    LX16A,
     MODELS,
-    RX28,
     BadValue,
-    MoveTimeout,
     NoReply,
-    Refused,
     TorqueOff,
-    UnknownName,
     UsageError,
     deg,
-    dynamixel1,
-    herkulex,
-    lewansoul,
 )
 from servobus.jobs.backup import Backup
-from servobus.jobs.scan import ScanProgress
-
-MIXED = "virtual:rx28@1-3,drs0602@219,lx16a@7,8?clock=virtual"
-
-
-class TestScan:
-    def test_finds_all_families_and_says_where(self) -> None:
-        with servobus.open(MIXED) as bus:
-            found = {(servo.model, servo.id, servo.baud) for servo in bus.scan()}
-            assert found == {
-                (RX28, 1, 57_600),
-                (RX28, 2, 57_600),
-                (RX28, 3, 57_600),
-                (DRS0602, 219, 115_200),
-                (LX16A, 7, 115_200),
-                (LX16A, 8, 115_200),
-            }
-            assert bus.survey.troubles == []
-
-    def test_prints_as_people_read(self) -> None:
-        with servobus.open("virtual:rx28@1?clock=virtual") as bus:
-            (servo,) = bus.scan(family="dynamixel", ids=range(3))
-            assert str(servo) == "RX-28 id 1 at 57600: 149.9°, 14.4 V, 25 °C, torque off"
-
-    def test_tells_how_far_it_is(self) -> None:
-        seen: list[ScanProgress] = []
-        with servobus.open("virtual:lx16a@2?clock=virtual") as bus:
-            bus.scan(family="lewansoul", ids=range(4), watch=seen.append)
-        assert [(step.done, step.total, step.id, step.found is not None) for step in seen] == [
-            (1, 4, 0, False),
-            (2, 4, 1, False),
-            (3, 4, 2, True),
-            (4, 4, 3, False),
-        ]
-
-    def test_two_servos_with_one_id_and_different_answers_are_trouble(self) -> None:
-        with servobus.open("virtual:rx28@1,1?clock=virtual") as bus:
-            servos = bus.transport.servos  # type: ignore[attr-defined] # the virtual port shows its servos
-            servos[1].voltage = 5.0  # its answers now differ: a voltage error
-            assert bus.scan(family="dynamixel", ids=[1]) == []
-            (trouble,) = bus.survey.troubles
-            assert trouble.id == 1
-
-    def test_servo_that_answers_only_ping_is_found(self) -> None:
-        with servobus.open("virtual:rx28@1?clock=virtual") as bus:
-            bus.attach(RX28, 1).write(RX28.status_return_level, 0)
-            (servo,) = bus.scan(family="dynamixel", ids=[1])
-            assert servo.state is None
-
-    def test_moves_nothing_and_changes_nothing(self) -> None:
-        with servobus.open(MIXED) as bus:
-            servos = bus.transport.servos  # type: ignore[attr-defined]
-            before = [(servo.memory.stored(), servo.position, servo.torque) for servo in servos]
-            bus.scan()
-            servos = bus.transport.servos  # type: ignore[attr-defined]
-            assert [(servo.memory.stored(), servo.position, servo.torque) for servo in servos] == before
-
-    def test_nobody_there_names_what_was_tried(self) -> None:
-        with servobus.open("virtual:rx28@1?clock=virtual") as bus, pytest.raises(NoReply, match=r"dynamixel at 57600"):
-            bus.find(9, family="dynamixel")
 
 
 @every_model
@@ -207,144 +138,3 @@ class TestEveryModel:
                 assert (await bus.read_all("present_position"))[5] == pytest.approx(start + 20 * deg, abs=1 * deg)
 
         asyncio.run(main())
-
-
-def test_damaged_backups_are_refused() -> None:
-    for text in ("", "model = 3", 'model = "rx28"', "not toml at all ["):
-        with pytest.raises(UsageError, match="not a backup file"):
-            Backup.parse(text)
-    text = 'model = "rx28"\nfirmware = "8"\nid = 1\nbaud = 57600\n[settings]\nmax_torque = 2000\n'
-    with pytest.raises(UsageError, match="damaged"):
-        Backup.parse(text)
-
-
-def test_change_baud_of_an_rx28() -> None:
-    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
-        servo = bus.find(1, family="dynamixel")
-        servo.change_baud(1_000_000)
-        assert servo.read(RX28.baud) == 1_000_000
-        assert bus.transport.baud == 1_000_000
-
-
-def test_change_baud_of_a_drs0602() -> None:
-    with servobus.open("virtual:drs0602@1?clock=virtual") as bus:
-        servo = bus.find(1, family="herkulex")
-        servo.change_baud(500_000)
-        assert servo.read(DRS0602.baud) == 500_000
-        assert bus.transport.baud == 500_000
-
-
-def test_the_lx16a_has_one_speed() -> None:
-    with servobus.open("virtual:lx16a@1?clock=virtual") as bus, pytest.raises(UsageError, match="115200"):
-        bus.find(1, family="lewansoul").change_baud(9600)
-
-
-def test_reset_of_an_rx28() -> None:
-    with servobus.open("virtual:rx28@9?clock=virtual") as bus:
-        servo = bus.find(9, family="dynamixel")
-        servo.write(RX28.highest_limit_temperature, 50)
-        servo.reset()
-        assert servo.id == 1
-        assert servo.read(RX28.highest_limit_temperature) == 80
-
-
-def test_reset_of_a_drs0602_keeps_what_is_named() -> None:
-    with servobus.open("virtual:drs0602@9?clock=virtual") as bus:
-        servo = bus.find(9, family="herkulex")
-        servo.store({DRS0602.max_temperature: 60.0})
-        servo.reset(keep=frozenset({"id"}))
-        assert servo.id == 9
-        assert servo.read(DRS0602.max_temperature) == 80.0
-        servo.reset()
-        assert servo.id == 219
-
-
-def test_group_moves_start_and_arrive_together() -> None:
-    with servobus.open(MIXED) as bus:
-        bus.scan()
-        start = bus.read_all("present_position")
-        goals = {servo: position + (10 + servo.id % 5) * deg for servo, position in start.items()}
-        with bus.torque():
-            bus.move(goals, time=1.0).wait()
-            for servo, position in bus.read_all("present_position").items():
-                assert position == pytest.approx(goals[servo], abs=1 * deg)
-
-
-def test_a_servo_that_cannot_arrive_is_named() -> None:
-    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
-        servo = bus.find(1, family="dynamixel")
-        with servo.torque():
-            move = servo.move(10 * deg, time=2.0)
-            servo.write(RX28.torque_limit, 0.0)  # free run: it will not go on
-            with pytest.raises(MoveTimeout, match="RX-28 id 1 is at"):
-                move.wait()
-
-
-def test_native_operations_are_values_too() -> None:
-    with servobus.open("virtual:rx28@1-2?clock=virtual") as bus:
-        bus.do(dynamixel1.reg_write(1, 25, b"\x01"), baud=57_600)
-        bus.do(dynamixel1.reg_write(2, 25, b"\x01"))
-        bus.do(dynamixel1.action())
-        assert bus.do(dynamixel1.read_data(1, 25, 1)) == b"\x01"
-        with pytest.raises(Refused):
-            bus.do(dynamixel1.action(1))
-    with servobus.open("virtual:drs0602@219?clock=virtual") as bus:
-        assert bus.do(herkulex.stat(219)).status_error == herkulex.StatusError(0)
-    with servobus.open("virtual:lx16a@1?clock=virtual") as bus:
-        assert bus.do(lewansoul.query(1, lewansoul.Command.SERVO_ID_READ)) == (1,)
-
-
-def test_a_speed_where_the_id_is_taken_is_refused() -> None:
-    with servobus.open("virtual:rx28@1,2?clock=virtual") as bus:
-        one, two = bus.scan(family="dynamixel", ids=[1, 2])
-        two.change_baud(1_000_000)
-        two.change_id(1)  # not the same speed: nobody is in the way
-        with pytest.raises(UsageError, match="another servo answers to id 1 at 57600"):
-            two.change_baud(57_600)
-        two.ping()
-        one.ping()
-
-
-def test_a_reset_that_would_make_twins_is_refused() -> None:
-    with servobus.open("virtual:rx28@1,2?clock=virtual") as bus:
-        one, two = bus.scan(family="dynamixel", ids=[1, 2])
-        two.change_baud(1_000_000)
-        with pytest.raises(UsageError, match="would get id 1 at 57600 baud"):
-            two.reset()
-        two.ping()
-        one.ping()
-
-
-def test_position_mode_sets_limits_that_are_given() -> None:
-    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
-        servo = bus.find(1, family="dynamixel")
-        servo.position_mode((20 * deg, 120 * deg))
-        with servo.torque(), pytest.raises(BadValue, match="outside the limits set in it"):
-            servo.move(10 * deg)
-
-
-def test_a_name_or_an_alias_stands_for_a_register() -> None:
-    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
-        servo = bus.find(1, family="dynamixel")
-        assert servo.read("present_position") == servo.read(RX28.present_position)
-        assert servo.read_raw(["present_position", RX28.moving]) == servo.read_raw([RX28.present_position, "moving"])
-        servo.write("led", True)
-        servo.write_many({"max_temperature": 70.0, RX28.punch: 0.1})
-        servo.write_raw({"highest_limit_temperature": 71})
-        servo.store({"max_temperature": 72.0})
-        seen = servo.read_many(["led", "max_temperature", RX28.punch])
-        assert seen == {"led": True, "highest_limit_temperature": 72.0, "punch": pytest.approx(0.1, abs=0.001)}
-
-
-def test_a_name_that_is_none_sends_nothing() -> None:
-    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
-        servo = bus.attach(RX28, 1)
-        with pytest.raises(UnknownName, match="RX-28 has no register 'present_positon'; did you mean present_position"):
-            servo.read("present_positon")
-        with pytest.raises(
-            UsageError, match=r"36 is no register: give one such as RX28\.present_position, or its name"
-        ):
-            servo.read(36)  # type: ignore[arg-type] # what a reader of the manual tries
-        with pytest.raises(UsageError, match="highest_limit_temperature is given twice"):
-            servo.write_many({"max_temperature": 70.0, RX28.highest_limit_temperature: 71.0})
-        assert bus.stats.total.sent == 0

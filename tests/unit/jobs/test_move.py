@@ -7,9 +7,10 @@ import pytest
 
 import servobus
 from samples import every_model
-from servobus import MODELS, BadValue, MoveTimeout, Stopped, UsageError, deg
+from servobus import MODELS, RX28, BadValue, MoveTimeout, Stopped, UsageError, deg
 from unit.lossy import ASYNC, SYNC
 
+MIXED = "virtual:rx28@1-3,drs0602@219,lx16a@7,8?clock=virtual"
 DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
 LOOK = 0.15
 """s that the last look may take: that of an LX-16A compares two positions 50 ms apart."""
@@ -85,8 +86,37 @@ def test_a_move_of_nothing_is_refused() -> None:
     bus = servobus.open("virtual:rx28@1?clock=virtual")
     with pytest.raises(UsageError, match="a move of no servos"):
         bus.move({})
-    servo = bus.attach(servobus.RX28, 1)
+    servo = bus.attach(RX28, 1)
     with pytest.raises(UsageError, match="given two goals"):
         bus.move({servo: 1.0, 1: 1.0})
     with pytest.raises(BadValue, match="not a number of seconds"), servo.torque():
         servo.move(1.0).wait(timeout=-1)
+
+
+def test_group_moves_start_and_arrive_together() -> None:
+    with servobus.open(MIXED) as bus:
+        bus.scan()
+        start = bus.read_all("present_position")
+        goals = {servo: position + (10 + servo.id % 5) * deg for servo, position in start.items()}
+        with bus.torque():
+            bus.move(goals, time=1.0).wait()
+            for servo, position in bus.read_all("present_position").items():
+                assert position == pytest.approx(goals[servo], abs=1 * deg)
+
+
+def test_a_servo_that_cannot_arrive_is_named() -> None:
+    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
+        servo = bus.find(1, family="dynamixel")
+        with servo.torque():
+            move = servo.move(10 * deg, time=2.0)
+            servo.write(RX28.torque_limit, 0.0)  # free run: it will not go on
+            with pytest.raises(MoveTimeout, match="RX-28 id 1 is at"):
+                move.wait()
+
+
+def test_position_mode_sets_limits_that_are_given() -> None:
+    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
+        servo = bus.find(1, family="dynamixel")
+        servo.position_mode((20 * deg, 120 * deg))
+        with servo.torque(), pytest.raises(BadValue, match="outside the limits set in it"):
+            servo.move(10 * deg)

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+import servobus
 from samples import (
     answer_levels,
     can_be_silenced,
@@ -225,3 +226,68 @@ def test_a_port_that_goes_away_during_a_change_says_so() -> None:
     with pytest.raises(OSError, match="unplugged"):
         bench.do(lambda servo: servo.change_id(7))
     assert bench.at() == bench.really_at()
+
+
+# On a line that loses nothing
+
+
+def test_change_baud_of_an_rx28() -> None:
+    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
+        servo = bus.find(1, family="dynamixel")
+        servo.change_baud(1_000_000)
+        assert servo.read(RX28.baud) == 1_000_000
+        assert bus.transport.baud == 1_000_000
+
+
+def test_change_baud_of_a_drs0602() -> None:
+    with servobus.open("virtual:drs0602@1?clock=virtual") as bus:
+        servo = bus.find(1, family="herkulex")
+        servo.change_baud(500_000)
+        assert servo.read(DRS0602.baud) == 500_000
+        assert bus.transport.baud == 500_000
+
+
+def test_the_lx16a_has_one_speed() -> None:
+    with servobus.open("virtual:lx16a@1?clock=virtual") as bus, pytest.raises(UsageError, match="115200"):
+        bus.find(1, family="lewansoul").change_baud(9600)
+
+
+def test_reset_of_an_rx28() -> None:
+    with servobus.open("virtual:rx28@9?clock=virtual") as bus:
+        servo = bus.find(9, family="dynamixel")
+        servo.write(RX28.highest_limit_temperature, 50)
+        servo.reset()
+        assert servo.id == 1
+        assert servo.read(RX28.highest_limit_temperature) == 80
+
+
+def test_reset_of_a_drs0602_keeps_what_is_named() -> None:
+    with servobus.open("virtual:drs0602@9?clock=virtual") as bus:
+        servo = bus.find(9, family="herkulex")
+        servo.store({DRS0602.max_temperature: 60.0})
+        servo.reset(keep=frozenset({"id"}))
+        assert servo.id == 9
+        assert servo.read(DRS0602.max_temperature) == 80.0
+        servo.reset()
+        assert servo.id == 219
+
+
+def test_a_speed_where_the_id_is_taken_is_refused() -> None:
+    with servobus.open("virtual:rx28@1,2?clock=virtual") as bus:
+        one, two = bus.scan(family="dynamixel", ids=[1, 2])
+        two.change_baud(1_000_000)
+        two.change_id(1)  # not the same speed: nobody is in the way
+        with pytest.raises(UsageError, match="another servo answers to id 1 at 57600"):
+            two.change_baud(57_600)
+        two.ping()
+        one.ping()
+
+
+def test_a_reset_that_would_make_twins_is_refused() -> None:
+    with servobus.open("virtual:rx28@1,2?clock=virtual") as bus:
+        one, two = bus.scan(family="dynamixel", ids=[1, 2])
+        two.change_baud(1_000_000)
+        with pytest.raises(UsageError, match="would get id 1 at 57600 baud"):
+            two.reset()
+        two.ping()
+        one.ping()

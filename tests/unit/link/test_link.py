@@ -13,7 +13,7 @@ import pytest
 
 from servobus import DRS0602, RX28, BadChecksum, Bus, NoReply, dynamixel1
 from servobus.bus.asyncio import AsyncBus
-from servobus.core.exchange import Batch, Now, Pause, Procedure, Reply
+from servobus.core.exchange import Batch, Now, Pause, Procedure, ReplyPattern
 from servobus.errors import BrokenEcho, DuplicateId, LineBusy
 from servobus.link.latency import Latency
 from unit.bus.test_blocking import ANSWER, MODEL_BYTE, OK, PING, TEMPERATURE
@@ -137,18 +137,18 @@ class TestLateAnswers:
     @pytest.mark.parametrize(
         ("mine", "other", "mistaken"),
         [
-            (Reply(1, None, (2, 0)), Reply(1, None, (2, 0)), True),
-            (Reply(1, None, (2, 0)), Reply(1, None, (1, 0)), False),
-            (Reply(1, None, (2, 0)), Reply(1, None, (0,)), True),  # as a refusal
-            (Reply(1, None, (0,)), Reply(1, None, (2, 0)), False),
-            (Reply(1, None, (2,)), Reply(1, None, (0,)), False),
-            (Reply(1, None, (2, 0)), Reply(2, None, (2, 0)), False),
-            (Reply(None, 14, (1,)), Reply(2, 14, (1,)), True),
-            (Reply(1, 0x44, (6, 2), b"\x3a\x02"), Reply(1, 0x44, (6, 2), b"\x36\x02"), False),
-            (Reply(1, 0x44, (6, 2), b"\x3a\x02"), Reply(1, 0x43, (2,)), False),
+            (ReplyPattern(1, None, (2, 0)), ReplyPattern(1, None, (2, 0)), True),
+            (ReplyPattern(1, None, (2, 0)), ReplyPattern(1, None, (1, 0)), False),
+            (ReplyPattern(1, None, (2, 0)), ReplyPattern(1, None, (0,)), True),  # as a refusal
+            (ReplyPattern(1, None, (0,)), ReplyPattern(1, None, (2, 0)), False),
+            (ReplyPattern(1, None, (2,)), ReplyPattern(1, None, (0,)), False),
+            (ReplyPattern(1, None, (2, 0)), ReplyPattern(2, None, (2, 0)), False),
+            (ReplyPattern(None, 14, (1,)), ReplyPattern(2, 14, (1,)), True),
+            (ReplyPattern(1, 0x44, (6, 2), b"\x3a\x02"), ReplyPattern(1, 0x44, (6, 2), b"\x36\x02"), False),
+            (ReplyPattern(1, 0x44, (6, 2), b"\x3a\x02"), ReplyPattern(1, 0x43, (2,)), False),
         ],
     )
-    def test_which_answers_can_be_mistaken(self, mine: Reply, other: Reply, mistaken: bool) -> None:
+    def test_which_answers_can_be_mistaken(self, mine: ReplyPattern, other: ReplyPattern, mistaken: bool) -> None:
         assert mine.could_be(other) is mistaken
 
 

@@ -1,5 +1,8 @@
 """Counters of a bus: what is counted where, and how it is shown."""
 
+import pytest
+
+from servobus.errors import UnknownName
 from servobus.link.stats import COLUMNS, Counts, Stats
 
 
@@ -50,3 +53,58 @@ def test_counts_show_themselves_without_the_zeros() -> None:
     stats[2].sent = 3
     assert repr(stats[1]) == "<sent 5, received 4, timeouts 1, worst 2.3ms>"
     assert repr(stats) == "<Stats of 2 ids: sent 8, received 4, timeouts 1, worst 2.3ms>"
+
+
+class TestServos:
+    """A servo is a family, an id and a speed; an id alone stands for one where it is unique."""
+
+    def two(self) -> Stats:
+        stats = Stats()
+        for family, baud, received in (("dynamixel", 57_600, 4), ("herkulex", 115_200, 2)):
+            counts = stats.servo(family, 1, baud)
+            counts.sent, counts.received = 5, received
+        return stats
+
+    def test_two_families_with_one_id_are_not_mixed(self) -> None:
+        stats = self.two()
+        assert stats["dynamixel", 1, 57_600].received == 4
+        assert stats["herkulex", 1, 115_200].received == 2
+        assert stats.total.received == 6
+
+    def test_an_id_of_several_names_them(self) -> None:
+        with pytest.raises(UnknownName, match="id 1 is not unique here: dynamixel at 57600 and herkulex at 115200"):
+            self.two()[1]
+
+    def test_an_id_that_only_one_answered_to_is_that_servo(self) -> None:
+        stats = self.two()
+        stats.servo("lewansoul", 2, 115_200).sent = 1  # a scan asks every family for every id
+        stats.servo("dynamixel", 2, 57_600).sent = 1
+        stats.servo("dynamixel", 2, 57_600).received = 1
+        assert stats[2] is stats["dynamixel", 2, 57_600]
+
+    def test_an_id_that_nobody_answered_to_is_what_was_asked_in_vain(self) -> None:
+        stats = Stats()
+        for family in ("dynamixel", "herkulex", "lewansoul"):
+            counts = stats.servo(family, 77, 115_200)
+            counts.sent = counts.timeouts = 2
+        assert (stats[77].sent, stats[77].timeouts) == (6, 6)
+
+    def test_counters_that_were_taken_before_the_first_question_go_on(self) -> None:
+        stats = Stats()
+        early = stats[7]
+        stats.servo("lewansoul", 7, 115_200).sent += 1
+        assert early is stats[7] is stats["lewansoul", 7, 115_200]
+        assert early.sent == 1
+        assert stats.total.sent == 1
+
+    def test_the_table_names_the_family_where_an_id_is_not_unique(self) -> None:
+        stats = self.two()
+        stats.servo("lewansoul", 2, 115_200).sent = 1
+        _, *lines = str(stats).splitlines()
+        assert [line.rsplit(maxsplit=len(COLUMNS))[0].strip() for line in lines] == [
+            "dynamixel 1 at 57600",
+            "herkulex 1 at 115200",
+            "2",
+            "total",
+        ]
+        assert len(set(map(len, str(stats).splitlines()))) == 1

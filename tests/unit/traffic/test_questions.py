@@ -4,9 +4,8 @@ DRS-0602 manual 4-2 NO 8 (ACK Policy), 5-2; LewanSoul manual 3 and 4."""
 import pytest
 
 from golden.golden import load
-from servobus.core.exchange import Reply
+from servobus.core.exchange import ReplyPattern
 from servobus.core.framing import Packet
-from servobus.families.base import Question
 from servobus.families.registry import FAMILIES
 
 GOLDEN = {(family, case.name): case.packet for family in FAMILIES for case in load(family)}
@@ -15,45 +14,45 @@ GOLDEN = {(family, case.name): case.packet for family in FAMILIES for case in lo
 @pytest.mark.parametrize(
     ("family", "name", "asks"),
     [
-        ("dynamixel", "ex3_ping", Question(Reply(1, None, (0,)))),
-        ("dynamixel", "ex1_read_temperature", Question(Reply(1, None, (1, 0)))),
-        ("dynamixel", "ex6_read_model", Question(Reply(1, None, (3, 0)))),
-        ("dynamixel", "ex16_torque_led_on", Question(Reply(1, None, (0,)), certain=False)),
-        ("dynamixel", "em_reg_write_500", Question(Reply(1, None, (0,)), certain=False)),
-        ("dynamixel", "ex4_reset", Question(Reply(0, None, (0,)), certain=False)),
-        ("dynamixel", "ex20_action", Question(None)),
-        ("dynamixel", "ex5_sync_write", Question(None)),
-        ("dynamixel", "ex2_broadcast_id", Question(None)),
+        ("dynamixel", "ex3_ping", (ReplyPattern(1, None, (0,)),)),
+        ("dynamixel", "ex1_read_temperature", (ReplyPattern(1, None, (1, 0)),)),
+        ("dynamixel", "ex6_read_model", (ReplyPattern(1, None, (3, 0)),)),
+        ("dynamixel", "ex16_torque_led_on", (ReplyPattern(1, None, (0,), certain=False),)),
+        ("dynamixel", "em_reg_write_500", (ReplyPattern(1, None, (0,), certain=False),)),
+        ("dynamixel", "ex4_reset", (ReplyPattern(0, None, (0,), certain=False),)),
+        ("dynamixel", "ex20_action", ()),
+        ("dynamixel", "ex5_sync_write", ()),
+        ("dynamixel", "ex2_broadcast_id", ()),
         ("dynamixel", "ex1_reply", None),
-        ("herkulex", "ram_read_request", Question(Reply(253, 0x44, (5, 2)))),
-        ("herkulex", "eep_read_request", Question(Reply(253, 0x42, (8, 2)))),
-        ("herkulex", "stat_request", Question(Reply(253, 0x47, (2,)))),
-        ("herkulex", "stat_broadcast", Question(Reply(None, 0x47, (2,)))),
-        ("herkulex", "ram_write_torque_on", Question(Reply(253, 0x43, (2,)), certain=False)),
-        ("herkulex", "ijog_position", Question(Reply(253, 0x45, (2,)), certain=False)),
-        ("herkulex", "reboot_broadcast", Question(None)),
-        ("herkulex", "sjog_two", Question(None)),
+        ("herkulex", "ram_read_request", (ReplyPattern(253, 0x44, (5, 2)),)),
+        ("herkulex", "eep_read_request", (ReplyPattern(253, 0x42, (8, 2)),)),
+        ("herkulex", "stat_request", (ReplyPattern(253, 0x47, (2,)),)),
+        ("herkulex", "stat_broadcast", (ReplyPattern(None, 0x47, (2,)),)),
+        ("herkulex", "ram_write_torque_on", (ReplyPattern(253, 0x43, (2,), certain=False),)),
+        ("herkulex", "ijog_position", (ReplyPattern(253, 0x45, (2,), certain=False),)),
+        ("herkulex", "reboot_broadcast", ()),
+        ("herkulex", "sjog_two", ()),
         ("herkulex", "ram_read_reply", None),
         ("herkulex", "stat_reply", None),
-        ("lewansoul", "pos_read", Question(Reply(1, 28, (2,)))),
-        ("lewansoul", "move_time_read", Question(Reply(1, 2, (4,)))),
-        ("lewansoul", "id_read_broadcast", Question(Reply(None, 14, (1,)))),
-        ("lewansoul", "move_time_write", Question(None)),
-        ("lewansoul", "move_start_broadcast", Question(None)),
+        ("lewansoul", "pos_read", (ReplyPattern(1, 28, (2,)),)),
+        ("lewansoul", "move_time_read", (ReplyPattern(1, 2, (4,)),)),
+        ("lewansoul", "id_read_broadcast", (ReplyPattern(None, 14, (1,)),)),
+        ("lewansoul", "move_time_write", ()),
+        ("lewansoul", "move_start_broadcast", ()),
         ("lewansoul", "pos_read_answer", None),
     ],
 )
-def test_golden_packets(family: str, name: str, asks: Question | None) -> None:
+def test_golden_packets(family: str, name: str, asks: tuple[ReplyPattern, ...] | None) -> None:
     (packet,) = FAMILIES[family].framing.decode(GOLDEN[family, name])
     assert isinstance(packet, Packet)
-    assert FAMILIES[family].question(packet) == asks
+    assert FAMILIES[family].replies_to(packet) == asks
 
 
 def test_nobody_reads_all_servos_at_once() -> None:
-    assert FAMILIES["dynamixel"].question(Packet(254, 0x02, b"\x24\x02")) == Question(None)
-    assert FAMILIES["herkulex"].question(Packet(254, 0x04, b"\x3a\x02")) == Question(None)
-    assert FAMILIES["lewansoul"].question(Packet(254, 28)) == Question(None)
+    assert FAMILIES["dynamixel"].replies_to(Packet(254, 0x02, b"\x24\x02")) == ()
+    assert FAMILIES["herkulex"].replies_to(Packet(254, 0x04, b"\x3a\x02")) == ()
+    assert FAMILIES["lewansoul"].replies_to(Packet(254, 28)) == ()
 
 
 def test_a_herkulex_that_does_not_know_a_command_may_say_so() -> None:
-    assert FAMILIES["herkulex"].question(Packet(1, 0x0F)) == Question(Reply(1, 0x4F, (2,)), certain=False)
+    assert FAMILIES["herkulex"].replies_to(Packet(1, 0x0F)) == (ReplyPattern(1, 0x4F, (2,), certain=False),)

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from enum import IntEnum, IntFlag
 from typing import TypeAlias, TypeVar
 
-from servobus.core.exchange import Exchange, Reply, ack_only
+from servobus.core.exchange import Exchange, ReplyPattern, ack_only
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.units import BaudDivisor
@@ -58,9 +58,12 @@ ALARMS = Error.INPUT_VOLTAGE | Error.OVERHEATING | Error.OVERLOAD
 
 
 class Dynamixel1Framing(Framing):
+    name = "dynamixel"
     header = b"\xff\xff"
     overhead = 6
     max_size = RX_BUFFER
+    forget_time = 0.105  # RX-28 manual, appendix, Byte to Byte Time: 100 ms; and a bit
+    baud_tolerance = 0.03  # RX-28 manual 3-4-1
 
     def size(self, buffer: bytes | bytearray, at: int) -> int:
         have = len(buffer) - at
@@ -244,7 +247,7 @@ def _exchange(what: str, message: Instruction, *, answered: bool, repeatable: bo
         FRAMING,
         encode(message),
         interpret if answered else ack_only,
-        Reply(message.id, None, (0,)) if answered else None,
+        ReplyPattern(message.id, None, (0,)) if answered else None,
         _alarms,
         LONGEST_DELAY,
         repeatable=repeatable,
@@ -270,7 +273,7 @@ def read_data(id: int, address: int, length: int) -> Exchange[bytes]:
             raise Refused(f"{what}: {len(packet.data)} bytes came back", packet.code)
         return packet.data
 
-    reply = Reply(id, None, (length, 0))
+    reply = ReplyPattern(id, None, (length, 0))
     return Exchange(
         what,
         FRAMING,

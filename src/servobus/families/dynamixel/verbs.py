@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Procedure, Reply
+from servobus.core.exchange import Exchange, Procedure, ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Register
@@ -17,7 +17,6 @@ from servobus.families.base import (
     KnownServo,
     Model,
     MotionStatus,
-    Question,
     Reading,
     ServoRef,
     adjacent,
@@ -277,16 +276,16 @@ class Dynamixel1(Family):
                     return f"{error}, {addressed(packet.id)}"
         return _say_status(packet, asked, model)
 
-    def question(self, packet: Packet) -> Question | None:
+    def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
         try:
             message = parse_instruction(packet)
         except ValueError:
             return None
         if packet.id == BROADCAST:
-            return Question(None)
+            return ()
         if isinstance(message, ReadData):
-            return Question(Reply(packet.id, None, (message.length, 0)))
-        return Question(Reply(packet.id, None, (0,)), certain=isinstance(message, Ping))
+            return (ReplyPattern(packet.id, None, (message.length, 0)),)
+        return (ReplyPattern(packet.id, None, (0,), certain=isinstance(message, Ping)),)
 
     def _write_raw_speed(self, target: ServoRef, raw: int) -> Procedure[None]:
         row = target.model.register("moving_speed")

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable
 from enum import IntEnum, IntFlag
 from typing import TypeAlias, TypeVar
 
-from servobus.core.exchange import Exchange, Reply, ack_only
+from servobus.core.exchange import Exchange, ReplyPattern, ack_only
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Int
@@ -130,9 +130,11 @@ class Keep(IntFlag):
 
 
 class HerkulexFraming(Framing):
+    name = "herkulex"
     header = b"\xff\xff"
     overhead = 7
     max_size = overhead + MAX_DATA  # EH-01
+    forget_time = 0.21  # Packet Garbage Check Period, factory setting 201.6 ms (4-2 NO 35); and a bit
     filler = b"\x00"  # the line is full duplex (2-3), and a packet begins with FF
 
     def size(self, buffer: bytes | bytearray, at: int) -> int:
@@ -423,7 +425,7 @@ def s_jog(id: int, playtime: int, jogs: Iterable[Jog], *, answered: bool = False
 
 def stat(id: int) -> Exchange[Ack]:
     """STAT: the two status bytes, answered under every ACK Policy and to id 254 too (6-7, 4-2 NO 8)."""
-    reply = Reply(None if id == BROADCAST else id, Code.STAT | ACK, (2,))
+    reply = ReplyPattern(None if id == BROADCAST else id, Code.STAT | ACK, (2,))
     return exchange(f"STAT id {id}", Stat(id), parse_ack, reply)
 
 
@@ -438,7 +440,12 @@ def reboot(id: int, *, answered: bool = False) -> Exchange[None]:
 
 
 def exchange(
-    what: str, message: Request, interpret: Callable[[Packet], T], reply: Reply | None, *, repeatable: bool = True
+    what: str,
+    message: Request,
+    interpret: Callable[[Packet], T],
+    reply: ReplyPattern | None,
+    *,
+    repeatable: bool = True,
 ) -> Exchange[T]:
     return Exchange(
         what, FRAMING, encode(message), interpret, reply, _alarms, TURNAROUND if reply else 0.0, repeatable=repeatable
@@ -447,7 +454,9 @@ def exchange(
 
 def _command(what: str, message: Request, answered: bool) -> Exchange[None]:
     # A JOG is answered by the servo in its header, not by those in its list (H-89).
-    reply = Reply(message.id, _CODES[type(message)] | ACK, (2,)) if answered and message.id != BROADCAST else None
+    reply = (
+        ReplyPattern(message.id, _CODES[type(message)] | ACK, (2,)) if answered and message.id != BROADCAST else None
+    )
     return exchange(what, message, ack_only, reply, repeatable=False)
 
 
@@ -464,7 +473,7 @@ def _reading(message: EepRead | RamRead) -> Exchange[bytes]:
 
     # Address and length come back before the data. A refusal brings the status alone (assumption, EH-33).
     return exchange(
-        what, message, interpret, Reply(message.id, code | ACK, (length + 4, 2), starts=bytes((address, length)))
+        what, message, interpret, ReplyPattern(message.id, code | ACK, (length + 4, 2), prefix=bytes((address, length)))
     )
 
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ack_only
+from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack_only
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Location, Register
@@ -21,7 +21,6 @@ from servobus.families.base import (
     KnownServo,
     Model,
     MotionStatus,
-    Question,
     Reading,
     ServoRef,
     adjacent,
@@ -102,7 +101,7 @@ class Herkulex(Family):
 
     def ping(self, id: int) -> Exchange[None]:
         """STAT: the one request that is always answered."""
-        return exchange(f"STAT id {id}", Stat(check_id(id)), ack_only, Reply(id, Code.STAT | ACK, (2,)))
+        return exchange(f"STAT id {id}", Stat(check_id(id)), ack_only, ReplyPattern(id, Code.STAT | ACK, (2,)))
 
     def identify(self, id: int) -> Procedure[Identity]:
         """Read model, version and ACK Policy; a servo with policy 0 answers STAT alone (H-25)."""
@@ -366,7 +365,7 @@ class Herkulex(Family):
         except ValueError as error:
             return f"{error}, {addressed(packet.id)}"
 
-    def question(self, packet: Packet) -> Question | None:
+    def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
         """STAT is answered under every ACK Policy and by all, the rest never if it is for all (4-2 NO 8)."""
         if packet.code & ACK:
             return None
@@ -376,12 +375,12 @@ class Herkulex(Family):
             message = None
         everybody, code = packet.id == BROADCAST, packet.code | ACK
         if isinstance(message, Stat):
-            return Question(Reply(None if everybody else packet.id, code, (2,)))
+            return (ReplyPattern(None if everybody else packet.id, code, (2,)),)
         if everybody:
-            return Question(None)
+            return ()
         if isinstance(message, EepRead | RamRead):
-            return Question(Reply(packet.id, code, (message.length + 4, 2)))
-        return Question(Reply(packet.id, code, (2,)), certain=False)
+            return (ReplyPattern(packet.id, code, (message.length + 4, 2)),)
+        return (ReplyPattern(packet.id, code, (2,), certain=False),)
 
 
 HERKULEX = Herkulex()

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from enum import IntEnum, IntFlag
 from typing import Self, TypeAlias, TypeVar
 
-from servobus.core.exchange import Exchange, Reply, ack_only
+from servobus.core.exchange import Exchange, ReplyPattern, ack_only
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import S8, S16, U8, U16, Int
@@ -103,9 +103,11 @@ class Command(IntEnum):
 
 
 class LewansoulFraming(Framing):
+    name = "lewansoul"
     header = b"\x55\x55"
     overhead = 6
     max_size = 10
+    forget_time = 0.105  # assumption: 100 ms, as Dynamixel servos; and a bit (L-12)
 
     def size(self, buffer: bytes | bytearray, at: int) -> int:
         # 55 is a legal id too, so of three 55 the first two are tried first (L-11); where that was
@@ -235,7 +237,7 @@ def question(id: int, command: Command, interpret: Callable[[Packet], T]) -> Exc
     if id == BROADCAST and command is not Command.SERVO_ID_READ:
         raise BadValue(f"{command.name} to id {BROADCAST} is never answered (manual 3)")
     request = Request(id, command)
-    reply = Reply(None if id == BROADCAST else id, int(command), (length_of(command.reply),))
+    reply = ReplyPattern(None if id == BROADCAST else id, int(command), (length_of(command.reply),))
     return Exchange(
         str(request), FRAMING, encode(request), interpret, reply,
         max_delay=TURNAROUND, typical_delay=USUAL, repeatable=True,

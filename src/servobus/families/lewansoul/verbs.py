@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Pause, Procedure, Reply, ack_only
+from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack_only
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Register
@@ -17,7 +17,6 @@ from servobus.families.base import (
     KnownServo,
     Model,
     MotionStatus,
-    Question,
     Reading,
     ServoRef,
     cannot,
@@ -234,7 +233,7 @@ class Lewansoul(Family):
         except ValueError:
             return problem
 
-    def question(self, packet: Packet) -> Question | None:
+    def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
         """Only reads are answered; of those to all, SERVO_ID_READ alone (manual 3)."""
         try:
             command = parse_request(packet).command
@@ -242,8 +241,8 @@ class Lewansoul(Family):
             return None
         everybody = packet.id == BROADCAST
         if not command.reply or (everybody and command is not Command.SERVO_ID_READ):
-            return Question(None)
-        return Question(Reply(None if everybody else packet.id, int(command), (length_of(command.reply),)))
+            return ()
+        return (ReplyPattern(None if everybody else packet.id, int(command), (length_of(command.reply),)),)
 
     def _mode(self, target: ServoRef) -> Procedure[int]:
         (mode,) = yield from self.read(target, [target.model.register("mode")])

@@ -5,9 +5,10 @@ from typing import Any
 
 import pytest
 
-from servobus.core.exchange import Collector, Exchange, Pause, Procedure
+from servobus.core.exchange import Exchange, Pause, Procedure
 from servobus.core.framing import Corrupt, Decoder, Noise, Packet
 from servobus.core.registers import Register
+from servobus.core.replies import ReplyCollector
 from servobus.core.units import deg
 from servobus.errors import BadValue, NoReply, Refused, UsageError
 from servobus.families.base import Answers, AxisMove, Identity, KnownServo, ServoRef
@@ -283,11 +284,11 @@ def test_stat() -> None:
 @pytest.mark.parametrize(("build", "code"), [(herkulex.eep_read, 0x42), (herkulex.ram_read, 0x44)])
 def test_read(build: Any, code: int) -> None:
     exchange = build(5, 30, 2)
-    collector = Collector(exchange)
+    collector = ReplyCollector([exchange])
     collector.feed(FRAMING.frame(Packet(5, code, b"\x1e\x02\x46\x00\x08\x44")))
     assert collector.result() == b"\x46\x00"
     # The error bit left from some earlier packet is an alarm beside the data, not a refusal.
-    assert exchange.alarms(collector.packet) == StatusError.INVALID_PACKET
+    assert exchange.alarms(collector.packets[0]) == StatusError.INVALID_PACKET
 
 
 def test_a_refused_read_says_why() -> None:

@@ -5,9 +5,10 @@ from typing import Any
 
 import pytest
 
-from servobus.core.exchange import Collector, Exchange, Job, Pause
+from servobus.core.exchange import Exchange, Job, Pause
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Corrupt, Noise, Packet
 from servobus.core.registers import Register
+from servobus.core.replies import ReplyCollector
 from servobus.errors import BadValue, NoReply, UsageError
 from servobus.families.base import Answers, AxisMove, KnownServo, ServoRef
 from servobus.families.lewansoul.models.lx16a import LX16A
@@ -75,7 +76,7 @@ class Pretender:
         assert (step.reply is None) == (not command.reply)
         if step.reply is None:
             return None
-        collector = Collector(step)
+        collector = ReplyCollector([step])
         if command in self.answers:
             collector.feed(encode(Answer(3, command, self.answers[command])))
         return collector.result()
@@ -190,7 +191,7 @@ def test_only_questions_wait_for_an_answer() -> None:
 
 
 def test_to_the_broadcast_id_only_the_question_for_the_id_is_answered() -> None:
-    collector = Collector(id_read())
+    collector = ReplyCollector([id_read()])
     collector.feed(encode(Answer(9, Command.SERVO_ID_READ, (9,))))
     assert collector.result() == 9
     with pytest.raises(BadValue, match="254"):
@@ -198,7 +199,7 @@ def test_to_the_broadcast_id_only_the_question_for_the_id_is_answered() -> None:
 
 
 def test_the_echo_of_the_question_is_not_taken_for_its_answer() -> None:
-    collector = Collector(query(1, Command.SERVO_POS_READ), echo=None)
+    collector = ReplyCollector([query(1, Command.SERVO_POS_READ)], echo=None)
     collector.feed(bytes.fromhex("55 55 01 03 1C DF"))
     assert not collector.done
     collector.feed(bytes.fromhex("55 55 01 05 1C F4 FF EA"))

@@ -3,11 +3,8 @@ import pytest
 from servobus.core.units import deg
 from servobus.errors import BadValue, UnknownName, UsageError
 from servobus.families.dynamixel.firmware import Dynamixel1Servo
-from servobus.families.dynamixel.motors import RX28_FRICTION
 from servobus.families.registry import LX16A, RX28
 from servobus.virtual.device.servo import VirtualServo, virtual_servo
-from servobus.virtual.physics.motor import Load, no_load_speed
-from servobus.virtual.physics.shaft import Rail, Shaft
 
 
 def moving(position: float = 0.0) -> VirtualServo:
@@ -151,69 +148,3 @@ def test_speed_depends_on_the_supply() -> None:
     assert 60 * deg / speeds[12.0] == pytest.approx(0.167, rel=0.01)
     assert 60 * deg / speeds[16.0] == pytest.approx(0.126, rel=0.01)
     assert speeds[6.0] < speeds[12.0] / 2  # friction takes its share first
-
-
-def shaft(position: float = 1.0) -> Shaft:
-    return Shaft(RX28_FRICTION, position, 0.001, Rail(12.0))
-
-
-def test_a_driven_shaft_runs_up_to_its_speed() -> None:
-    driven = shaft()
-    driven.drive(1.0)
-    driven.tick(200)
-    assert driven.velocity == pytest.approx(no_load_speed(RX28_FRICTION, 12.0), rel=1e-6)
-    driven.drive(-0.5)
-    driven.tick(200)
-    assert driven.velocity == pytest.approx(-no_load_speed(RX28_FRICTION, 6.0), rel=1e-3)
-    assert not driven.at_rest
-
-
-def test_a_braked_shaft_stops_sooner_than_a_free_one() -> None:
-    braked, free = shaft(), shaft()
-    for one in (braked, free):
-        one.drive(1.0)
-        one.tick(200)
-    start = braked.position
-    braked.brake()
-    free.release()
-    for one in (braked, free):
-        one.tick(1000)
-        one.tick()
-        assert one.at_rest
-        assert one.velocity == 0
-    assert start < braked.position < free.position
-    assert free.current == 0
-
-
-def test_a_shaft_without_power_stands() -> None:
-    stopped = shaft()
-    stopped.drive(1.0)
-    stopped.tick(50)
-    position = stopped.position
-    stopped.rest()
-    assert (stopped.velocity, stopped.current, stopped.position) == (0, 0, position)
-
-
-def test_a_shaft_in_a_vice_takes_the_current_of_a_stall() -> None:
-    held = shaft()
-    held.load = Load(blocked=1.0)
-    held.drive(1.0)
-    held.tick(10)
-    assert held.position == 1.0
-    assert held.current == pytest.approx(12.0 / RX28_FRICTION.resistance)
-
-
-def test_servos_pull_down_a_supply_they_share() -> None:
-    rail = Rail(12.0, 1.0)
-    one, other = Shaft(RX28_FRICTION, 0.0, 0.001, rail), Shaft(RX28_FRICTION, 0.0, 0.001, rail)
-    idle = rail.voltage
-    assert 11.8 < idle < 12.0  # the electronics of both
-    for held in (one, other):
-        held.load = Load(blocked=1.0)
-        held.drive(1.0)
-        held.tick()
-    assert rail.voltage == pytest.approx((12.0 - (12.0 - idle)) / (1 + 2 / RX28_FRICTION.resistance))
-    for held in (one, other):
-        held.release()
-        held.tick()
-    assert rail.voltage == pytest.approx(idle)

@@ -1,0 +1,69 @@
+"""When what was sent has left the wire, and when its answer must be here."""
+
+import math
+
+from servobus.core.exchange import Exchange
+from servobus.core.framing import Framing
+from servobus.transports.base import Transport
+
+BITS_PER_BYTE = 10
+"""Start bit, eight data bits, stop bit: 8N1, as all three families use."""
+
+
+class LineClock:
+    """The times of one line, in seconds of the transport's clock.
+
+    clear_at    when the last byte of the last request has left; 0 once it is answered, which shows that it has
+    settled_at  from when on a change of speed cannot spoil what was sent: an adapter may send later than it was told
+    changed_at  when the speed was last changed after something had been sent at the old one
+    """
+
+    def __init__(self, transport: Transport) -> None:
+        self._transport = transport
+        self.clear_at = 0.0
+        self.settled_at = 0.0
+        self.changed_at = -math.inf
+        self._used = False
+        """Whether anything was sent since the speed last changed."""
+
+    @property
+    def byte_time(self) -> float:
+        return BITS_PER_BYTE / self._transport.baud
+
+    def note_use(self) -> None:
+        """Say that something is sent at this speed."""
+        self._used = True
+
+    def note_sent(self, at: float, size: int, *, answered: bool) -> None:
+        """Note that so many bytes were handed to the port at this time; they leave behind those before them."""
+        self._used = True
+        self.clear_at = self.settled_at = max(at, self.clear_at) + size * self.byte_time
+        if not answered:
+            self.settled_at += self._transport.latency  # no answer will tell when the adapter has really sent it
+
+    def note_answered(self) -> None:
+        """Note that the last request was answered, so it has left."""
+        self.clear_at = 0.0
+
+    def note_baud(self) -> None:
+        """Note that the speed has just changed."""
+        if self._used:
+            self.changed_at = self._transport.now()
+            self._used = False
+
+    def forgotten_at(self, framing: Framing) -> float:
+        """Tell when servos of this kind have forgotten what they heard at the speed before.
+
+        They hear it as garbage. A servo that took it for the start of a packet misses the next request until then.
+        """
+        return self.changed_at + framing.forget_time
+
+    def longest_answer(self, exchange: Exchange[object]) -> float:
+        """Tell how long the replies may take at most from the moment at which the request has left, s."""
+        delay = exchange.max_delay * max(len(exchange.replies), 1)
+        return (1 + exchange.framing.baud_tolerance) * (delay + exchange.reply_size * self.byte_time)
+
+    def follow(self, other: "LineClock", seconds: float) -> None:
+        """Take over from the clock of another link, whose last bytes have left in so many seconds at the latest."""
+        self.changed_at, self._used = other.changed_at, True
+        self.clear_at = self.settled_at = self._transport.now() + seconds

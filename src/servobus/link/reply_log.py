@@ -1,0 +1,127 @@
+"""What came on a line, what did not, and what may therefore still come: the memory of a link. It sends nothing."""
+
+from collections.abc import Callable, Collection, Sequence
+from typing import Any
+
+from servobus.core.exchange import Exchange, GroupExchange, ReplyPattern
+from servobus.core.framing import Framing, Noise, Packet
+from servobus.core.ids import BROADCAST
+from servobus.core.replies import duplicate
+from servobus.errors import BrokenEcho, BusError, DuplicateId, NoReply, Refused
+from servobus.link.late_replies import LateReplies
+from servobus.link.latency import Latency
+from servobus.link.line_clock import LineClock
+from servobus.link.stats import Counts, Stats
+from servobus.transports.base import Transport
+
+
+class ReplyLog:
+    """What a link knows of replies: counters, delays, those that may come late, and second ones.
+
+    heard    is told of a reply with alarm bits, and of every reply as long as `alarmed` is not empty
+    alarmed  servos whose last reply had an alarm in it: that it is over must be told too
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        clock: LineClock,
+        heard: Callable[[Exchange[Any], Packet], None],
+        alarmed: Collection[object],
+        stats: Stats | None,
+    ) -> None:
+        self.stats = Stats() if stats is None else stats
+        self.latency = Latency(transport)
+        self.late_replies = LateReplies()
+        self.second_replies: dict[tuple[Framing, int], DuplicateId] = {}
+        """Second replies that came after their question was done; reported when the servo is asked next."""
+        self.answered: Exchange[Any] | None = None
+        """The last question that was answered."""
+        self.heard, self.alarmed = heard, alarmed
+        self._transport, self._clock = transport, clock
+
+    def follow(self, other: "ReplyLog") -> None:
+        """Go on with what another link on the same line has learned and may still get."""
+        self.latency, self.late_replies = other.latency, other.late_replies.copy()
+
+    @property
+    def uneasy(self) -> bool:
+        """Whether a reply may come late, or a second one is still to be reported."""
+        return bool(self.late_replies or self.second_replies)
+
+    def doubtful(self, exchange: Exchange[Any]) -> bool:
+        """Tell whether a late reply could be taken for the answer to this, or a second one is to be reported."""
+        return self.uneasy and (
+            (exchange.framing, exchange.id) in self.second_replies
+            or any(self.late_replies.confusable(exchange, reply) for reply in exchange.replies)
+        )
+
+    def counts(self, exchange: Exchange[Any], id: int) -> Counts:
+        """Give the counters of a servo of the kind that is asked, at the present speed."""
+        return self.stats.servo(exchange.framing.name, id, self._transport.baud)
+
+    # What came
+
+    def note_reply(self, exchange: Exchange[Any], reply: ReplyPattern, packet: Packet, late: float) -> None:
+        """Take note of a reply that came this many seconds later than its bits allow."""
+        counts = self.counts(exchange, packet.id)
+        counts.received += 1
+        counts.worst = max(counts.worst, late)
+        self.latency.note(late)
+        self.answered = exchange
+        if self.late_replies:
+            self.late_replies.resolve_before(exchange.framing, packet.id, reply, self._transport.now())
+        if exchange.alarms is not None and (exchange.alarms(packet) or self.alarmed):
+            self.heard(exchange, packet)
+
+    def note_stray(self, framing: Framing, packet: Packet) -> None:
+        """Take note of a packet that is no reply to what was asked: a late one, or one that nothing asked for."""
+        counts = self.stats.servo(framing.name, packet.id, self._transport.baud)
+        old = self.late_replies.match(framing, packet)
+        if old is None:
+            counts.strangers += 1
+        else:
+            counts.late += 1
+            self.latency.note(self._transport.now() - old.due)
+
+    def note_leftover(self, leftover: bytes, framing: Framing) -> None:
+        """Look through bytes that came when nothing was asked; `framing` is what is about to be asked."""
+        last = self.answered
+        if last is not None:
+            framing = last.framing
+        for event in framing.decode(leftover):
+            if isinstance(event, Packet):
+                known = self.late_replies.expects(framing, event)
+                if last is not None and not known and any(reply.fits(event) for reply in last.replies):
+                    self.counts(last, event.id).doubled += 1
+                    self.second_replies[framing, event.id] = duplicate(last, event.id, leftover)
+                else:
+                    self.note_stray(framing, event)
+            elif isinstance(event, Noise):
+                self.stats.servo(framing.name, BROADCAST, self._transport.baud).junk += len(event.raw)
+
+    # What did not come
+
+    def note_missed(self, missing: Sequence[tuple[Exchange[Any], ReplyPattern]]) -> None:
+        """Remember replies that did not come, and may come late."""
+        for exchange, reply in missing:
+            self.late_replies.add(exchange, reply, self._clock.clear_at, self._transport.now())
+
+    def note_under_way(self, exchanges: Sequence[Exchange[Any]]) -> None:
+        """Remember all replies to questions that were dropped without a word."""
+        self.note_missed([(exchange, reply) for exchange in exchanges for reply in exchange.replies])
+
+    def note_outcomes(self, exchanges: Sequence[Exchange[Any]], outcomes: Sequence[Any]) -> bool:
+        """Count what went wrong, and tell whether any of it was more than silence or a refusal."""
+        troubled = False
+        for exchange, outcome in zip(exchanges, outcomes, strict=True):
+            several = isinstance(exchange, GroupExchange) and isinstance(outcome, list)
+            ids = [exchange.id if reply.id is None else reply.id for reply in exchange.replies] if several else ()
+            for id, error in zip(ids or [exchange.id], outcome if several else [outcome], strict=True):
+                if isinstance(error, BusError):
+                    counts = self.counts(exchange, id)
+                    counts.timeouts += isinstance(error, NoReply)
+                    counts.echo += isinstance(error, BrokenEcho)
+                    counts.doubled += isinstance(error, DuplicateId)
+                    troubled = troubled or not isinstance(error, NoReply | Refused)
+        return troubled
