@@ -480,6 +480,7 @@ class BaseBus(Closed, Generic[S]):
             fences=self._fences,
             alarmed=self._servos.alarmed,
             stats=stats,
+            contended=lambda: self.line.contended,
         )
 
     def _reopened(self) -> None:

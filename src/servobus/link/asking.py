@@ -1,6 +1,6 @@
 """Asking, and asking again: what a link does with a question, or a batch of them, beyond one attempt."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar
 
 from servobus.core.exchange import Batch, Exchange
@@ -22,11 +22,17 @@ DEADLINE = 0.5
 class Attempt(Protocol):
     """Sends one or several questions once, and waits for their replies; gives a result or a BusError for each.
 
-    Raises the BusError that kept them from being sent. `begun` is what was heard if they are sent already.
+    Raises the BusError that kept them from being sent. `begun` is what was heard if they are sent already. With
+    `yields` the list is shorter, and the rest was not sent, where another job waits for the line.
     """
 
     def __call__(
-        self, exchanges: Sequence[Exchange[Any]], begun: bytes | None = None, *, fence: bool = False
+        self,
+        exchanges: Sequence[Exchange[Any]],
+        begun: bytes | None = None,
+        *,
+        fence: bool = False,
+        yields: bool = False,
     ) -> Waits[list[Any]]: ...
 
 
@@ -34,10 +40,16 @@ class Asking:
     """Asks questions by attempts, singly or several at once, and asks again what was lost where that is allowed."""
 
     def __init__(
-        self, transport: Transport, clock: LineClock, log: ReplyLog, pipeline: Pipeline, attempt: Attempt
+        self,
+        transport: Transport,
+        clock: LineClock,
+        log: ReplyLog,
+        pipeline: Pipeline,
+        attempt: Attempt,
+        contended: Callable[[], bool],
     ) -> None:
         self._transport, self._clock, self._log = transport, clock, log
-        self._pipeline, self._attempt = pipeline, attempt
+        self._pipeline, self._attempt, self._contended = pipeline, attempt, contended
 
     def until_answered(self, exchange: Exchange[T], begun: bytes | None = None) -> Waits[T]:
         """Ask, and ask again if it is repeatable and no reply was understood. Raises the BusError that came of it."""
@@ -71,7 +83,7 @@ class Asking:
         """Ask as many at once as the line allows, if `several` may be; one by one, what did not come through."""
         outcomes: list[Any] = []
         rest = batch.exchanges
-        while rest:
+        while rest and not (outcomes and batch.yields and self._contended()):
             count = self._pipeline.together(rest, self._log.doubtful) if several else 1
             some, rest = rest[:count], rest[count:]
             if count == 1:
@@ -80,10 +92,11 @@ class Asking:
                 outcomes.append(outcome)
                 continue
             try:
-                found = yield from self._attempt(some)
+                found = yield from self._attempt(some, yields=batch.yields)
             except BusError as error:  # nothing was sent
                 outcomes += [error] * count
                 continue
+            some, rest = some[: len(found)], [*some[len(found) :], *rest]
             for n, exchange in enumerate(some):
                 if batch.again and exchange.repeatable and is_lost(found[n]):
                     self._log.counts(exchange, exchange.id).retries += 1

@@ -84,6 +84,7 @@ class Link:
     fences   gives harmless questions to a servo whose answers differ in shape
     alarmed  servos whose last reply had an alarm in it: that it is over must be told too
     stats    counters to go on with
+    contended  tells whether another job waits for the line
     """
 
     def __init__(
@@ -95,6 +96,7 @@ class Link:
         fences: Callable[[Framing, int], Sequence[Exchange[Any]]],
         alarmed: Collection[object] = (),
         stats: Stats | None = None,
+        contended: Callable[[], bool] = lambda: False,
     ) -> None:
         self.transport = transport
         self.state = CAREFUL
@@ -107,7 +109,8 @@ class Link:
         self.log = ReplyLog(transport, self._clock, heard, alarmed, stats)
         self.latency = self.log.latency
         self._pipeline = Pipeline()
-        self._asking = Asking(transport, self._clock, self.log, self._pipeline, self._attempt)
+        self._asking = Asking(transport, self._clock, self.log, self._pipeline, self._attempt, contended)
+        self._contended = contended
         self._probing = False
         """Whether a request that looks like its own reply came back: from now on a probe goes before such requests."""
         self._under_way: Sequence[Exchange[Any]] = ()
@@ -192,7 +195,13 @@ class Link:
         self.superseded = True
         log = self.log
         link = Link(
-            self.transport, echo=self.echo, heard=log.heard, fences=self._fences, alarmed=log.alarmed, stats=log.stats
+            self.transport,
+            echo=self.echo,
+            heard=log.heard,
+            fences=self._fences,
+            alarmed=log.alarmed,
+            stats=log.stats,
+            contended=self._contended,
         )
         link.state = UNSURE
         link.log.follow(log)
@@ -263,11 +272,16 @@ class Link:
     # The long way: one attempt at one or several questions
 
     def _attempt(
-        self, exchanges: Sequence[Exchange[Any]], begun: bytes | None = None, *, fence: bool = False
+        self,
+        exchanges: Sequence[Exchange[Any]],
+        begun: bytes | None = None,
+        *,
+        fence: bool = False,
+        yields: bool = False,
     ) -> Waits[list[Any]]:
         """Send one or several questions and wait for their replies; give a result or a BusError for each.
 
-        Raises the BusError that kept them from being sent.
+        Raises the BusError that kept them from being sent. See `Attempt`.
         """
         refused: dict[int, BusError] = {}
         if begun is None:
@@ -283,7 +297,7 @@ class Link:
         unsure = False
         try:
             if begun is None:
-                yield from self._send_all(collector, left)
+                yield from self._send_all(collector, left, yields=yields)
             else:
                 self._clock.note_began(self._began, len(collector.sent))
                 self._deadline = self._began + self._timing.window + self.latency.reply_margin
@@ -311,8 +325,11 @@ class Link:
             return exchange.framing.probe + exchange.request
         return exchange.request
 
-    def _send_all(self, collector: ReplyCollector, left: list[float]) -> Waits[None]:
-        """Send the questions so that no two replies can meet; note when each request has left."""
+    def _send_all(self, collector: ReplyCollector, left: list[float], *, yields: bool) -> Waits[None]:
+        """Send the questions so that no two replies can meet; note when each request has left.
+
+        With `yields` those that are left are not sent as soon as another job waits for the line.
+        """
         exchanges, clock = collector.exchanges, self._clock
         self._under_way = exchanges
         if len(exchanges) == 1:
@@ -328,6 +345,9 @@ class Link:
                     due = clock.clear_at + self._pipeline.answered_within(exchanges[n - 1], clock.byte_time)
                     yield from self._receive(collector, due, left, wanted=n - 1)
                     yield from self._until(clock.clear_at)
+                    if yields and n > 1 and self._contended():
+                        collector.cut(n)
+                        break
                 self._send((exchange,), exchange.request)
                 left.append(clock.clear_at)
 
