@@ -69,7 +69,7 @@ _LATE = {
     "Level": "servobus.safety.overload",
     "Thresholds": "servobus.safety.overload",
 }
-"""Names whose modules not all programs need: they are imported when somebody asks for them, for asyncio takes long."""
+"""Names whose modules not all programs need: they are imported when they are first used, for asyncio takes long."""
 
 __all__ = [
     "DRS0602",

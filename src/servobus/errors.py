@@ -15,7 +15,7 @@
     │   ├── WrongReply                a good packet that does not answer what was asked
     │   ├── DuplicateId               two answers to one question: two servos have one id
     │   ├── BrokenEcho                the line gave back something else than was sent
-    │   ├── LineBusy                  bytes keep coming although nobody was asked
+    │   ├── LineBusy                  bytes keep coming although nothing was asked
     │   └── Refused                   the servo understood and said no
     └── MotionError                   motion was refused, or ended before its goal: no fault of the line
         ├── TorqueOff                 a move was asked of a servo without torque
@@ -94,7 +94,7 @@ class BrokenEcho(BusError):
 
 
 class LineBusy(BusError):
-    """Bytes keep coming although nobody was asked: another master, or noise."""
+    """Bytes keep coming although nothing was asked: another master, or noise."""
 
 
 class WrongReply(BusError):
@@ -118,11 +118,11 @@ class TorqueOff(MotionError):
 
 
 class Restarted(MotionError):
-    """The servo lost what was set in its RAM: its supply broke down, or somebody restarted it."""
+    """The servo lost what was set in its RAM: its supply broke down, or it was restarted."""
 
 
 class Stopped(MotionError):
-    """What was under way ended: servos were made safe, by a watch or on the way out, or somebody stopped one.
+    """What was under way ended: servos were made safe, by a watch or on the way out, or one was stopped.
 
     Raised by commands of motion too, as long as nothing is to move.
     """

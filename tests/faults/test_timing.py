@@ -16,7 +16,7 @@ from samples import (
     unusual_baud,
 )
 from servobus import MODELS, NoReply, WrongReply
-from servobus.doctor import Level, Plan, examine
+from servobus.doctor import SearchPlan, Severity, examine
 from servobus.errors import BusError, DuplicateId, Garbled
 from servobus.families.base import Answers
 from servobus.transports.serial_port import LATENCY
@@ -162,12 +162,12 @@ def test_F9_the_doctor_names_the_speed(key: str) -> None:
     """`doctor` with the other speeds to spare says at which one they answer."""
     family = MODELS[key].family
     factory, baud = factory_bauds(family), unusual_baud(family)
-    plan = Plan([(family, factory)], [(family, MODELS[key].bauds)], ids=range(3), reads=5)
+    plan = SearchPlan([(family, factory)], [(family, MODELS[key].bauds)], ids=range(3), reads=5)
     findings = list(examine(f"virtual:{key}@1?clock=virtual&baud={baud}", plan))
     assert [one.what for one in findings if one.check == "speed"] == [
         f"{family.name} at {baud} (from the factory {MODELS[key].factory_baud})"
     ]
-    assert all(one.level is not Level.FAIL for one in findings)
+    assert all(one.level is not Severity.FAIL for one in findings)
 
 
 @DRIVERS

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from golden.golden import load
 from servobus.families.base import Family
 from servobus.families.registry import FAMILIES
-from servobus.traffic.events import Kind, TrafficEvent
-from servobus.traffic.recording import Chunk, Direction, End, Entry, Header, Speed, line, parse
+from servobus.traffic.events import EventKind, TrafficEvent
+from servobus.traffic.recording import Chunk, Direction, Entry, Header, Speed, TapEnd, line, parse
 from servobus.traffic.tracker import Tracker
 
 PACKETS = [case.packet for family in FAMILIES for case in load(family)]
@@ -32,7 +32,7 @@ def entries(script: list[tuple[float, Direction, bytes]]) -> list[Entry]:
     for gap, direction, data in script:
         time += gap
         made.append(Chunk(time, direction, data))
-    return [*made, Speed(time, 115_200), End(time + 2)]
+    return [*made, Speed(time, 115_200), TapEnd(time + 2)]
 
 
 def watch(tracker: Tracker, script: list[Entry]) -> list[TrafficEvent]:
@@ -47,7 +47,7 @@ def test_every_byte_is_shown(script: list[tuple[float, Direction, bytes]], famil
         shown = [sight for sight in seen if sight.direction is direction]
         raw = b"".join(sight.raw for sight in shown)
         # A corrupt packet may lie across the one that hides in it: then bytes are shown twice.
-        assert raw == sent or (any(one.kind is Kind.CORRUPT for one in shown) and len(raw) >= len(sent))
+        assert raw == sent or (any(one.kind is EventKind.CORRUPT for one in shown) and len(raw) >= len(sent))
     assert all(sight.time >= 0 for sight in seen)
 
 
@@ -79,9 +79,9 @@ def test_a_recording_says_the_same(
 def test_the_counts_add_up(script: list[tuple[float, Direction, bytes]], family: Family | None, baud: int) -> None:
     tracker = Tracker(family, baud=baud)
     kinds = [sight.kind for sight in watch(tracker, entries(script))]
-    assert sum(tally.requests for tally in tracker.servos) == kinds.count(Kind.REQUEST)
-    assert sum(tally.missing for tally in tracker.servos) == kinds.count(Kind.SILENCE)
-    assert tracker.corrupt == kinds.count(Kind.CORRUPT)
+    assert sum(tally.requests for tally in tracker.servos) == kinds.count(EventKind.REQUEST)
+    assert sum(tally.missing for tally in tracker.servos) == kinds.count(EventKind.SILENCE)
+    assert tracker.corrupt == kinds.count(EventKind.CORRUPT)
     for tally in tracker.servos:
         assert tally.answered + tally.failed <= tally.requests
-        assert tally.latencies.total() <= kinds.count(Kind.ANSWER)
+        assert tally.latencies.total() <= kinds.count(EventKind.ANSWER)

@@ -162,9 +162,9 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
             self._reopened()
         finally:
             self.line.end(turn)
-        reunion = await self.do(self._reunited())
+        report = await self.do(self._reunited())
         await _to_its_end(self._beside_the_loop(self.safety.after_reopen))
-        return reunion
+        return report
 
     def make_safe(self, action: SafeAction | None = None, *, interrupt: bool = False) -> Awaitable[None]:
         """Run the safe action, or this one, of each servo that this bus has switched on or set in motion.

@@ -358,7 +358,7 @@ class BaseBus(Closed, Generic[S]):
         bounds can be set, from the first call on; see `servobus.Thresholds`. One that does not answer,
         or cannot be read, raises NoReply or UsageError after all others had their turn.
         """
-        from servobus.safety.overload import OverloadMonitor, Thresholds  # noqa: PLC0415 - not everybody wants it
+        from servobus.safety.overload import OverloadMonitor, Thresholds  # noqa: PLC0415 - only some programs need it
 
         levels: dict[S, Level] = {}
         first: BusError | UsageError | None = None

@@ -120,11 +120,11 @@ class Bus(Blocking, BaseBus[BusServo]):
             self.line.acquire(turn)
             self.transport.reopen()
             self._reopened()
-            reunion = self.do(self._reunited())
+            report = self.do(self._reunited())
         finally:
             self.line.end(turn)
         self.safety.after_reopen()
-        return reunion
+        return report
 
     def make_safe(self, action: SafeAction | None = None, *, interrupt: bool = False) -> None:
         """Run the safe action, or this one, of each servo that this bus has switched on or set in motion.

@@ -287,7 +287,7 @@ class Cycle:
         record, permit, enable = target.record, target.permit, target.model.register("torque_enable")
         torque = target.model.family.torque_on(record.ram[enable]) if enable in record.ram else motion_status.torque
         if record.restarted or not torque:
-            part.motion_status = None  # somebody may switch it on without our knowing
+            part.motion_status = None  # another program may switch it on
             raise TorqueOff(f"{target}: torque is off, so nothing would move; switch it on first")
         if motion_status.turning:
             part.motion_status = None

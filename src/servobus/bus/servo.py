@@ -215,10 +215,10 @@ class Servo(Closed):
         self, angle: float, *, time: float | None = None, speed: float | None = None
     ) -> Procedure[PlannedMove]:
         """Start a move and give what is needed to wait for its end; see `move`."""
-        course = yield from plan({self.target: angle}, time=time, speed=speed)
-        require_torque(course)
-        yield from start_move(course)
-        return course
+        planned = yield from plan({self.target: angle}, time=time, speed=speed)
+        require_torque(planned)
+        yield from start_move(planned)
+        return planned
 
     @bus_method
     @urgent(Priority.MOTION)

@@ -55,7 +55,7 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
 NAMES = {name: where for verbs in VERBS.values() for name, (where, _) in verbs.items()}
 
 
-class Fault(click.ClickException):
+class CommandError(click.ClickException):
     """An error as people see it: one line, exit code 1."""
 
     def show(self, file: Any = None) -> None:
@@ -101,18 +101,18 @@ class App(click.Group):
         try:
             return super().invoke(ctx)
         except ServobusError as error:
-            raise Fault(str(error)) from error
+            raise CommandError(str(error)) from error
         except BrokenPipeError:
             raise  # the program that read our output has closed the pipe; click ends without a message
         except OSError as error:
-            raise Fault(_explain(error)) from error
+            raise CommandError(_explain(error)) from error
         except KeyboardInterrupt:
             click.echo(err=True)  # the terminal shows ^C: what comes next starts on a line of its own
             raise click.exceptions.Exit(130) from None
         except click.Abort as abort:
             click.echo(err=True)
             if isinstance(abort.__context__, EOFError):
-                raise Fault("nobody is there to confirm; nothing was changed (--yes goes ahead)") from abort
+                raise CommandError("nobody is there to confirm; nothing was changed (--yes goes ahead)") from abort
             raise click.exceptions.Exit(130) from None
 
 

@@ -9,7 +9,7 @@ import click
 from servobus.cli.options import Where, as_json, id_list, on_port, verb
 from servobus.cli.output import console, print_json
 from servobus.core.ids import LAST_ID
-from servobus.doctor import Finding, Level, Plan, Rounds, examine
+from servobus.doctor import Finding, Rounds, SearchPlan, Severity, examine
 from servobus.errors import BadValue
 from servobus.families import registry
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 COLUMNS = 80
 MOST_READS = 1_000_000
-_COLOURS = {Level.OK: "green", Level.WARN: "yellow", Level.FAIL: "red", Level.UNKNOWN: "cyan"}
+_COLOURS = {Severity.OK: "green", Severity.WARN: "yellow", Severity.FAIL: "red", Severity.UNKNOWN: "cyan"}
 _INDENT = " " * 9
 
 
@@ -43,7 +43,7 @@ def doctor(port: str, where: Where, ids: str, reads: int, json: bool) -> None:
         raise BadValue(f"--reads {reads} is not in 0 .. {MOST_READS}")
     if not port.strip():
         raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
-    plan = Plan(list(where.rounds()), _other_speeds(where), id_list(ids), reads, where.model)
+    plan = SearchPlan(list(where.rounds()), _other_speeds(where), id_list(ids), reads, where.model)
     findings = []
     with ExitStack() as stack:
         bar = ProgressBar(stack)
@@ -56,7 +56,7 @@ def doctor(port: str, where: Where, ids: str, reads: int, json: bool) -> None:
         print_json([finding.entry() for finding in findings])
     else:
         _print_summary(findings)
-    if any(finding.level is Level.FAIL for finding in findings):
+    if any(finding.level is Severity.FAIL for finding in findings):
         raise click.exceptions.Exit(1)
 
 
@@ -73,7 +73,7 @@ def _other_speeds(where: Where) -> Rounds:
 
 def _print_finding(finding: Finding) -> None:
     level = finding.level
-    mark = click.style(f"{level.upper() if level is Level.FAIL else level:<8}", fg=_COLOURS[level], bold=True)
+    mark = click.style(f"{level.upper() if level is Severity.FAIL else level:<8}", fg=_COLOURS[level], bold=True)
     first, *rest = _wrap(f"{finding.check}: {finding.what}")
     click.echo(f"{mark} {first}")
     for line in rest + _wrap(finding.cause):
@@ -88,8 +88,8 @@ def _wrap(text: str) -> list[str]:
 
 
 def _print_summary(findings: list[Finding]) -> None:
-    counts = {level: sum(finding.level is level for finding in findings) for level in (Level.FAIL, Level.WARN)}
-    words = {Level.FAIL: "wrong", Level.WARN: "worth a look"}
+    counts = {level: sum(finding.level is level for finding in findings) for level in (Severity.FAIL, Severity.WARN)}
+    words = {Severity.FAIL: "wrong", Severity.WARN: "worth a look"}
     said = [f"{number} {words[level]}" for level, number in counts.items() if number]
     click.echo(", ".join(said) or "nothing is wrong")
 

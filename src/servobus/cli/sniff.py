@@ -21,7 +21,7 @@ from servobus.errors import BadValue, ServobusError, UsageError
 from servobus.families import registry
 from servobus.families.base import Family, Model
 from servobus.traffic.events import TrafficEvent
-from servobus.traffic.recording import Direction, End, Entry, Header, RecordingFile
+from servobus.traffic.recording import Direction, Entry, Header, RecordingFile, TapEnd
 from servobus.traffic.tracker import BITS, Tracker
 from servobus.transports.base import Transport
 from servobus.transports.pty import LOOK_PERIOD, PseudoTerminal
@@ -204,7 +204,7 @@ class Relay(threading.Thread):
                 self._carry(self._app)
         except Exception as error:  # noqa: BLE001 - whatever it is, the thread that waits for news must hear of it
             failure = error
-        self._carried.append(End(self._wire.elapsed()))
+        self._carried.append(TapEnd(self._wire.elapsed()))
         self._publish()
         self.news.put(failure)
 

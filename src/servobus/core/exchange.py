@@ -62,7 +62,7 @@ class ReplyPattern:
 
 
 class Exchange(Generic[T]):
-    """One request and its reply, as a value: nobody changes it.
+    """One request and its reply, as a value that is never changed.
 
     what        for people: "RX-28 id 1: read present_position"
     interpret   turns a reply's packet into the result; raises Refused. Where nothing answers it is given an

@@ -19,7 +19,7 @@ from servobus.core.values import frozen
 
 
 class Packet:
-    """One packet without its framing: a value, nobody changes it.
+    """One packet without its framing: a value that is never changed.
 
     code  the command, instruction or error byte
     end   position in the stream just behind the last byte: with the bit time this dates the packet
@@ -114,7 +114,7 @@ class Framing(ABC):
 class Decoder:
     """Cuts a stream into events, however it is chunked.
 
-    `max_size` narrows what is believed: who waits for an 8-byte reply need not wait for a header that
+    `max_size` narrows what is believed: a wait for an 8-byte reply need not go on for a header that
     claims 200 bytes.
     """
 

@@ -1,6 +1,6 @@
 """One method, two drivers: how operations are written once.
 
-`bus_method` decorates a method that builds a job. What calling it gives depends on who it is called on:
+`bus_method` decorates a method that builds a job. What calling it gives depends on the object:
 
     Blocking    the result: the job is carried out before the call returns
     Awaiting    an awaitable of the result

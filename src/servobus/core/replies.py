@@ -193,7 +193,7 @@ class ReplyCollector:
             return error
 
     def _failure_among_several(self, n: int) -> BusError:
-        """Say why a reply is missing while others were under way too: whose the broken bytes were nobody knows."""
+        """Say why a reply is missing while others were under way too: it is unknown whose the broken bytes were."""
         what = self._name(n)
         if self.noisy:
             hint = "or two servos with one id?"

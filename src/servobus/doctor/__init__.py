@@ -8,20 +8,20 @@ It moves nothing, switches no torque and writes to no servo.
 from collections.abc import Iterator
 
 from servobus import connect
-from servobus.doctor.findings import Finding, Level, Watcher
+from servobus.doctor.findings import Finding, Severity, Watcher
 from servobus.doctor.health import health
 from servobus.doctor.losses import losses
 from servobus.doctor.port import check_open_port, check_system
-from servobus.doctor.search import Plan, Rounds, search
+from servobus.doctor.search import Rounds, SearchPlan, search
 from servobus.errors import PortError, PortLost
 from servobus.families.base import Answers
 
 
-def examine(port: str, plan: Plan, watch: Watcher = lambda *_: None) -> Iterator[Finding]:
+def examine(port: str, plan: SearchPlan, watch: Watcher = lambda *_: None) -> Iterator[Finding]:
     """Make all checks of a port, as far as they get. Raises UsageError for a name that is no port."""
     for finding in check_system(port):
         yield finding
-        if finding.level is Level.FAIL:
+        if finding.level is Severity.FAIL:
             return  # it could not be opened
     try:
         with connect.open(port) as bus:
@@ -35,9 +35,9 @@ def examine(port: str, plan: Plan, watch: Watcher = lambda *_: None) -> Iterator
                 yield from lost
     except PortLost as error:
         cause = "a loose plug, a bad cable, or servos that draw more current than the adapter can give"
-        yield Finding(Level.FAIL, "port", str(error), cause, ("servobus ports",))
+        yield Finding(Severity.FAIL, "port", str(error), cause, ("servobus ports",))
     except PortError as error:
-        yield Finding(Level.FAIL, "port", str(error))
+        yield Finding(Severity.FAIL, "port", str(error))
 
 
-__all__ = ["Finding", "Level", "Plan", "Rounds", "examine"]
+__all__ = ["Finding", "Rounds", "SearchPlan", "Severity", "examine"]

@@ -17,7 +17,7 @@ Watcher = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""
 
 
-class Level(StrEnum):
+class Severity(StrEnum):
     """How bad a finding is."""
 
     OK = "ok"
@@ -36,7 +36,7 @@ class Finding:
     mend   commands that mend it, for a shell; some have several lines
     """
 
-    level: Level
+    level: Severity
     check: str
     what: str
     cause: str = ""
@@ -79,7 +79,7 @@ def duplicate_id(port: str, what: str, servo: tuple[Family, int, int], taken: It
     family, id, baud = servo
     free = next((number for number in range(1, LAST_ID) if number not in {id, *taken}), LAST_ID)
     cause = f"two servos with id {id}? Leave one of them alone on the wire and give it another id; or noise"
-    return Finding(Level.FAIL, "ids", what, cause, (command("set-id", port, id, free, at(family, baud)),))
+    return Finding(Severity.FAIL, "ids", what, cause, (command("set-id", port, id, free, at(family, baud)),))
 
 
 def id_list(ids: Iterable[int]) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from servobus.bus.blocking import Bus, BusServo
 from servobus.core.units import show
-from servobus.doctor.findings import Finding, Level, at, command, for_each, id_list, span
+from servobus.doctor.findings import Finding, Severity, at, command, for_each, id_list, span
 from servobus.errors import BusError
 
 WARM = 10.0
@@ -32,7 +32,7 @@ class Problem:
     """
 
     servo: BusServo
-    level: Level
+    level: Severity
     check: str
     value: tuple[float, str] | None
     words: str
@@ -53,13 +53,13 @@ def health(bus: Bus, servos: list[BusServo]) -> Iterator[Finding]:
         try:
             problems += _ask(servo)
         except BusError as error:
-            problems.append(Problem(servo, Level.UNKNOWN, "errors", None, f"did not tell ({error})", ""))
+            problems.append(Problem(servo, Severity.UNKNOWN, "errors", None, f"did not tell ({error})", ""))
         else:
             heard.append(servo)
     states = [servo.state for servo in heard if servo.state is not None]
     fine = {
-        "voltage": [Finding(Level.OK, "voltage", span((state.voltage for state in states), "V"))] if states else [],
-        "temperature": [Finding(Level.OK, "temperature", span((state.temperature for state in states), "degC"))]
+        "voltage": [Finding(Severity.OK, "voltage", span((state.voltage for state in states), "V"))] if states else [],
+        "temperature": [Finding(Severity.OK, "temperature", span((state.temperature for state in states), "degC"))]
         if states
         else [],
         "errors": list(_without_errors(heard)),
@@ -82,15 +82,15 @@ def _voltage(servo: BusServo, volts: float, low: float, high: float) -> Iterator
     least, most = servo.model.sheet.voltage
     if not low <= volts <= high:
         words = f"is outside {show(low, 'V')} .. {show(high, 'V')}, the limits set in it"
-        yield Problem(servo, Level.FAIL, "voltage", (volts, "V"), words, _WEAK if volts < low else _STRONG)
+        yield Problem(servo, Severity.FAIL, "voltage", (volts, "V"), words, _WEAK if volts < low else _STRONG)
     elif not least <= volts <= most:
         words = f"is outside {show(least, 'V')} .. {show(most, 'V')}, what its maker allows"
-        yield Problem(servo, Level.WARN, "voltage", (volts, "V"), words, _WEAK if volts < least else _STRONG)
+        yield Problem(servo, Severity.WARN, "voltage", (volts, "V"), words, _WEAK if volts < least else _STRONG)
 
 
 def _heat(servo: BusServo, degrees: float, hot: float) -> Iterator[Problem]:
     if degrees > hot - WARM:
-        level = Level.FAIL if degrees > hot else Level.WARN
+        level = Severity.FAIL if degrees > hot else Severity.WARN
         words = f"where {show(hot, 'degC')} is the limit set in it"
         yield Problem(servo, level, "temperature", (degrees, "degC"), words, _HOT, (("torque", "$id", "off"),))
 
@@ -102,21 +102,21 @@ def _errors(servo: BusServo, limit: float | None) -> Iterator[Problem]:
         stays = [row.name for row in servo.model.registers.values() if row.latched]
         clear = ("write", "$id", *(f"{name}=0" for name in stays))
         mends: tuple[tuple[str, ...], ...] = (clear, _REARM) if stays else ()
-        level, cause = Level.FAIL, _STAYS if stays else _ENDS
+        level, cause = Severity.FAIL, _STAYS if stays else _ENDS
         if said == "invalid_packet":  # of all errors the one that asking may have caused; it takes no torque
-            level, cause, mends = Level.WARN, _FOREIGN, mends[:1]
+            level, cause, mends = Severity.WARN, _FOREIGN, mends[:1]
         yield Problem(servo, level, "errors", None, said, cause, mends)
     if limit == 0:
         words = "the torque limit is 0, so nothing moves"
-        yield Problem(servo, Level.FAIL, "errors", None, words, _SHUT, (_REARM,))
+        yield Problem(servo, Severity.FAIL, "errors", None, words, _SHUT, (_REARM,))
 
 
 def _without_errors(servos: list[BusServo]) -> Iterator[Finding]:
     mute = {servo.model.title for servo in servos if servo.family.ping(servo.id).alarms is None}
     if any(servo.model.title not in mute for servo in servos):
-        yield Finding(Level.OK, "errors", "none")
+        yield Finding(Severity.OK, "errors", "none")
     if mute:
-        yield Finding(Level.UNKNOWN, "errors", f"{' and '.join(sorted(mute))} cannot be asked for them")
+        yield Finding(Severity.UNKNOWN, "errors", f"{' and '.join(sorted(mute))} cannot be asked for them")
 
 
 def _together(bus: Bus, problems: list[Problem]) -> list[Finding]:

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from servobus.bus.blocking import Bus, BusServo
 from servobus.core.exchange import Exchange, Procedure
-from servobus.doctor.findings import Finding, Level, Watcher, duplicate_id
+from servobus.doctor.findings import Finding, Severity, Watcher, duplicate_id
 from servobus.errors import BadChecksum, BusError, Garbled, NoReply, WrongReply
 
 T = TypeVar("T")
@@ -68,13 +68,13 @@ def _summary(counts: ReadCounts) -> Finding:
         times = [f"answers after {took}"]
     lost = counts.lost.total()
     if not lost:
-        return Finding(Level.OK, "reads", "; ".join([f"{counts.reads}, none lost", *times]))
+        return Finding(Severity.OK, "reads", "; ".join([f"{counts.reads}, none lost", *times]))
     kinds = ", ".join(f"{number} {kind}" for kind, number in counts.lost.most_common())
     what = [f"{lost} of {counts.reads} lost ({100 * lost / counts.reads:.1f} %): {kinds}"]
     if len(counts.by_servo) > 1:
         worst = max(counts.by_servo, key=lambda servo: counts.by_servo[servo].total())
         what.append(f"worst is {worst.target} with {counts.by_servo[worst].total()}")
-    level = Level.FAIL if lost >= LOSSY * counts.reads else Level.WARN
+    level = Severity.FAIL if lost >= LOSSY * counts.reads else Severity.WARN
     return Finding(level, "reads", "; ".join(what + times), _CAUSES[counts.lost.most_common(1)[0][0]])
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from servobus.bus.blocking import Bus
 from servobus.connect import VIRTUAL
-from servobus.doctor.findings import SHOWN, Finding, Level
+from servobus.doctor.findings import SHOWN, Finding, Severity
 from servobus.transports import usb_adapter as facts
 
 RULES = "/etc/udev/rules.d/99-servobus.rules"
@@ -19,10 +19,10 @@ def check_system(port: str, root: Path = facts.ROOT) -> Iterator[Finding]:
     if access is not None:
         if not access.exists:
             cause = "it is not plugged in, has another name, or the system has no driver for it"
-            yield Finding(Level.FAIL, "port", f"{port} is not there", cause, ("servobus ports", "sudo dmesg | tail"))
+            yield Finding(Severity.FAIL, "port", f"{port} is not there", cause, ("servobus ports", "sudo dmesg | tail"))
             return
         is_link = f" is a link to {access.real}" if access.real != port else " is there"
-        yield Finding(Level.OK, "port", port + is_link)
+        yield Finding(Severity.OK, "port", port + is_link)
         yield _permission(access)
         if not access.allowed:
             return
@@ -31,7 +31,7 @@ def check_system(port: str, root: Path = facts.ROOT) -> Iterator[Finding]:
     if about is not None:
         driver = f", driver {about.driver}" if about.driver else ""
         place = f", at {about.location}" if about.location else ""
-        yield Finding(Level.OK, "adapter", f"{about}{driver}{place}")
+        yield Finding(Severity.OK, "adapter", f"{about}{driver}{place}")
         yield _timer(about)
 
 
@@ -42,40 +42,40 @@ def check_open_port(bus: Bus) -> Iterator[Finding]:
         return
     if getattr(bus.transport, "low_latency", False):
         timer = "" if about.latency_timer is None else f": the latency timer is {about.latency_timer} ms now"
-        yield Finding(Level.OK, "low latency", f"on{timer}")
+        yield Finding(Severity.OK, "low latency", f"on{timer}")
     else:
-        yield Finding(Level.UNKNOWN, "low latency", "the system or the driver has no such mode")
+        yield Finding(Severity.UNKNOWN, "low latency", "the system or the driver has no such mode")
 
 
-def _permission(access: facts.Access) -> Finding:
+def _permission(access: facts.PortAccess) -> Finding:
     if access.allowed:
-        return Finding(Level.OK, "permission", "this user may read and write it")
+        return Finding(Severity.OK, "permission", "this user may read and write it")
     if access.member:
         cause = f"this user joined the group {access.group} after logging in: {access.remedy}"
-        return Finding(Level.FAIL, "permission", "this login may not open it", cause)
+        return Finding(Severity.FAIL, "permission", "this login may not open it", cause)
     cause = f"it belongs to the group {access.group}; log out and in again after joining" if access.group else ""
-    return Finding(Level.FAIL, "permission", "this user may not open it", cause, (access.remedy,))
+    return Finding(Severity.FAIL, "permission", "this user may not open it", cause, (access.remedy,))
 
 
 def _holders(port: str, root: Path) -> Finding:
     holders = facts.holders(port, root)
     if others := holders.others:
         # The other end of a pseudo terminal may hold this one too.
-        level = Level.FAIL if facts.is_wired(port, root) else Level.WARN
+        level = Severity.FAIL if facts.is_wired(port, root) else Severity.WARN
         cause = "two programs on one wire garble what both send, and take each other's answers"
         return Finding(level, "in use", f"by {holders}", cause, tuple(f"kill {one.pid}" for one in others[:SHOWN]))
     unseen = ", as far as can be seen: not what other users run" if holders.hidden else ""
-    return Finding(Level.OK, "in use", f"by nobody{unseen}")
+    return Finding(Severity.OK, "in use", f"by nobody{unseen}")
 
 
 def _timer(about: facts.Adapter) -> Finding:
     if about.latency_timer is None:
-        return Finding(Level.UNKNOWN, "latency timer", "this adapter has none, or its driver does not tell")
+        return Finding(Severity.UNKNOWN, "latency timer", "this adapter has none, or its driver does not tell")
     what = f"{about.latency_timer} ms"
     if not about.slow:
-        return Finding(Level.OK, "latency timer", what)
+        return Finding(Severity.OK, "latency timer", what)
     most = 1000 // about.latency_timer
     cause = f"the adapter keeps answers back for so long: some {most} reads a second at most, in every program"
     rule = about.udev_rule.replace(", ", ", \\\n  ")  # which such a file may have over several lines
     commands = about.command, f"echo '{rule}' |\n  sudo tee {RULES}", "sudo udevadm control --reload"
-    return Finding(Level.WARN, "latency timer", what, cause, commands)
+    return Finding(Severity.WARN, "latency timer", what, cause, commands)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from servobus.bus.blocking import Bus, BusServo
 from servobus.core.ids import LAST_ID
-from servobus.doctor.findings import SHOWN, Finding, Level, Watcher, at, command, duplicate_id, id_list
+from servobus.doctor.findings import SHOWN, Finding, Severity, Watcher, at, command, duplicate_id, id_list
 from servobus.errors import Garbled
 from servobus.families import registry
 from servobus.families.base import Answers, Family
@@ -17,7 +17,7 @@ Rounds = Sequence[tuple[Family, tuple[int, ...]]]
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class SearchPlan:
     """What to look for, and how long.
 
     rounds  families and speeds to ask
@@ -43,14 +43,14 @@ class SearchResult:
     troubles: list[ScanProblem] = field(default_factory=list)
 
 
-def search(bus: Bus, plan: Plan, watch: Watcher) -> Generator[Finding, None, list[BusServo]]:
+def search(bus: Bus, plan: SearchPlan, watch: Watcher) -> Generator[Finding, None, list[BusServo]]:
     """Look for servos; give those that can be spoken to. Moves nothing, changes nothing."""
     result = _scan(bus, plan.rounds, plan.ids, watch)
     if not result.found and not result.troubles and plan.spare:
         result = _scan(bus, plan.spare, plan.ids, watch, until_found=True)
     if bus.echo is not None:
         heard = "the adapter hears what it sends; that is taken out" if bus.echo else "none"
-        yield Finding(Level.OK, "echo", heard)
+        yield Finding(Severity.OK, "echo", heard)
     port = bus.transport.name
     if result.found:
         yield from _list_servos(port, result.found)
@@ -81,7 +81,7 @@ def _scan(bus: Bus, rounds: Rounds, ids: Sequence[int], watch: Watcher, *, until
     return result
 
 
-def _no_answer(port: str, plan: Plan) -> Finding:
+def _no_answer(port: str, plan: SearchPlan) -> Finding:
     speeds: dict[str, list[int]] = {}
     for family, bauds in [*plan.rounds, *plan.spare]:
         speeds.setdefault(family.name, []).extend(bauds)
@@ -92,23 +92,23 @@ def _no_answer(port: str, plan: Plan) -> Finding:
     )
     everything = all(set(bauds) >= set(registry.bauds(family)) for family, bauds in plan.rounds) or plan.spare
     mend = () if everything else (command("doctor", port, "--baud all"),)
-    return Finding(Level.FAIL, "servos", f"nobody answers (asked {asked})", cause, mend)
+    return Finding(Severity.FAIL, "servos", f"nobody answers (asked {asked})", cause, mend)
 
 
 def _list_servos(port: str, found: list[FoundServo]) -> Iterator[Finding]:
     kinds: dict[str, list[int]] = {}
     for one in found:
         kinds.setdefault(one.model.title if one.model else f"unknown {one.family.title}", []).append(one.id)
-    yield Finding(Level.OK, "servos", "; ".join(f"{title} {id_list(ids)}" for title, ids in kinds.items()))
+    yield Finding(Severity.OK, "servos", "; ".join(f"{title} {id_list(ids)}" for title, ids in kinds.items()))
     for one in found:
         if one.model is None:
             what = f"id {one.id} is {one.family.title} model {one.identity.number}, not known here"
-            yield Finding(Level.WARN, "servos", what, "its registers cannot be read or written by name")
+            yield Finding(Severity.WARN, "servos", what, "its registers cannot be read or written by name")
         elif one.identity.answers is Answers.NOTHING:
             row = one.model.register("answer_level").name
             mend = command("write", port, one.id, f"{row}={Answers.EVERYTHING.value}", at(one.family, one.baud))
             what = f"{one.model.title} id {one.id} answers no reads: nothing else is known of it"
-            yield Finding(Level.WARN, "servos", what, f"its {row} is {Answers.NOTHING.value}", (mend,))
+            yield Finding(Severity.WARN, "servos", what, f"its {row} is {Answers.NOTHING.value}", (mend,))
 
 
 def _speeds(port: str, found: list[FoundServo]) -> Finding:
@@ -128,13 +128,13 @@ def _speeds(port: str, found: list[FoundServo]) -> Finding:
     if not odd:
         strange = [one for one in found if one.baud not in registry.factory_bauds(one.family)]
         cause = f"other commands find them with {at(strange[0].family, strange[0].baud)}" if strange else ""
-        return Finding(Level.OK, "speed", what, cause)
+        return Finding(Severity.OK, "speed", what, cause)
     cause = "servos of one wire have different speeds: each hears what is meant for the others as garbage"
     mend = tuple(
         command("set-baud", port, one.id, common_baud, f"--family {one.family.name}", f"--baud {one.baud}")
         for one, common_baud in odd[:SHOWN]
     )
-    return Finding(Level.WARN, "speed", what, cause, mend)
+    return Finding(Severity.WARN, "speed", what, cause, mend)
 
 
 def _factory_bauds(family: Family, found: list[FoundServo]) -> tuple[int, ...]:
@@ -150,13 +150,13 @@ def _unclear_answers(port: str, result: SearchResult) -> Iterator[Finding]:
         others = [near.family.name for near in result.found if near.baud == one.baud and near.family is not one.family]
         if others:
             cause = "a servo of another family that heard what was not meant for it?"
-            yield Finding(Level.WARN, "ids", what, cause, (command("doctor", port, f"--family {others[0]}"),))
+            yield Finding(Severity.WARN, "ids", what, cause, (command("doctor", port, f"--family {others[0]}"),))
         elif isinstance(one.error, Garbled):
             taken = {near.id for near in result.found} | {near.id for near in result.troubles}
             yield duplicate_id(port, what, (one.family, one.id, one.baud), taken)
         else:
-            yield Finding(Level.FAIL, "ids", what, "noise, or a servo that answers too late?")
+            yield Finding(Severity.FAIL, "ids", what, "noise, or a servo that answers too late?")
     if (more := len(result.troubles) - SHOWN) > 0:
-        yield Finding(Level.WARN, "ids", f"and {more} more unclear answers, probably of the same cause")
+        yield Finding(Severity.WARN, "ids", f"and {more} more unclear answers, probably of the same cause")
     if result.found and not result.troubles:
-        yield Finding(Level.OK, "ids", "each is there once, as far as answers tell")
+        yield Finding(Severity.OK, "ids", "each is there once, as far as answers tell")

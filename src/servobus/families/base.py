@@ -164,7 +164,7 @@ class Family(ABC):
 
     @abstractmethod
     def identify(self, id: int) -> Procedure[Identity]:
-        """Ask a servo who it is. Raises NoReply if nobody is there."""
+        """Ask a servo who it is. Raises NoReply if none answers."""
 
     @abstractmethod
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
@@ -375,7 +375,7 @@ class Family(ABC):
 
     @abstractmethod
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
-        """Tell what replies a packet asks for, as far as one can tell who only listens.
+        """Tell what replies a packet asks for, as far as listening tells.
 
         Empty where nothing answers; None if the packet can be no request.
         """

@@ -88,13 +88,13 @@ class MotionPermit:
     """Whether, how fast and how far one servo may be moved, and whether it is being moved.
 
     max_step        farthest that one goal may lie from where it is, rad; None for no limit
-    safe_action     what makes it safe; None: nobody chose, so it is "hold"
+    safe_action     what makes it safe; None: none was chosen, so it is "hold"
     driven          whether we switched it on or set it in motion, and nothing has ended that since
     stopped         whether it was stopped since
     inhibited       why it must not be moved now; "" if it may
     speed_factor    share of the speed asked for with which it is moved
     before_motion   called before it is set in motion; what it raises forbids that
-    keep_alive      called while somebody waits for it, or sends goals again and again; what it raises ends that
+    keep_alive      called while a program waits for it, or sends goals again and again; what it raises ends that
     """
 
     __slots__ = (

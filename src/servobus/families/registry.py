@@ -157,7 +157,7 @@ def models_of(family: Family) -> Iterator[type[Model]]:
 
 
 def first_model(family: Family) -> type[Model]:
-    """Give the model whose registers are meant where nobody says. Raises UnknownName for a family without any."""
+    """Give the model whose registers are meant where none is named. Raises UnknownName for a family without any."""
     for model in models_of(family):
         return model
     raise UnknownName(f"no model of the family {family.name} is known here")

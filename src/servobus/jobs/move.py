@@ -23,7 +23,7 @@ ATTENTION = 0.05
 
 @frozen
 class PlannedMove:
-    """A move of several servos: who goes where, and when all should be there."""
+    """A move of several servos: the goal of each, and when all should be there."""
 
     axes: tuple[AxisMove, ...]
     without_torque: tuple[KnownServo, ...]
@@ -104,15 +104,15 @@ def _checked(target: KnownServo, goal: int) -> Procedure[MotionStatus]:
     return motion_status
 
 
-def start_move(course: PlannedMove) -> Procedure[None]:
+def start_move(move: PlannedMove) -> Procedure[None]:
     """Start a move that was planned, each family with as few packets as it allows, one family right after the other.
 
     Raises Stopped, before anything moves, if one of its servos must not move now.
     """
-    for axis in course.axes:
+    for axis in move.axes:
         axis.target.permit.mark_moving()
     kinds: dict[tuple[str, int], list[AxisMove]] = {}
-    for axis in course.axes:
+    for axis in move.axes:
         kinds.setdefault((axis.target.model.family.name, axis.target.baud), []).append(axis)
     for axes in kinds.values():
         yield SetBaud(axes[0].target.baud)
@@ -134,11 +134,11 @@ def keep_moving(targets: Iterable[KnownServo]) -> None:
             attended = True
 
 
-def require_torque(course: PlannedMove) -> None:
+def require_torque(move: PlannedMove) -> None:
     """Refuse a move that some servo would not follow. Raises TorqueOff."""
-    if course.without_torque:
-        who = ", ".join(map(str, course.without_torque))
-        raise TorqueOff(f"{who}: torque is off, so nothing would move; switch it on first")
+    if move.without_torque:
+        limp = ", ".join(map(str, move.without_torque))
+        raise TorqueOff(f"{limp}: torque is off, so nothing would move; switch it on first")
 
 
 def raw_goal(target: ServoRef, angle: float) -> int:
@@ -166,7 +166,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, Real)
 
 
-def wait_arrival(course: PlannedMove, *, timeout: float | None = None, tolerance: float = 3 * deg) -> Procedure[None]:
+def wait_arrival(move: PlannedMove, *, timeout: float | None = None, tolerance: float = 3 * deg) -> Procedure[None]:
     """Wait until all servos of a move stand still near their goals.
 
     `timeout` is in seconds from now, by the port's clock; the move's own duration and 2 s by default. Raises
@@ -176,13 +176,13 @@ def wait_arrival(course: PlannedMove, *, timeout: float | None = None, tolerance
     if timeout is not None and not timeout >= 0:
         raise BadValue(f"timeout {timeout} is not a number of seconds")
     began = yield Now()
-    end = began + (course.duration + 2.0 if timeout is None else timeout)
-    arrival = min(began + course.duration, end)
-    while not any(axis.target.permit.given_up for axis in course.axes) and (left := arrival - (yield Now())) > 0:
-        course.axes[0].target.permit.attend()
+    end = began + (move.duration + 2.0 if timeout is None else timeout)
+    arrival = min(began + move.duration, end)
+    while not any(axis.target.permit.given_up for axis in move.axes) and (left := arrival - (yield Now())) > 0:
+        move.axes[0].target.permit.attend()
         yield Pause(min(left, ATTENTION), shared=True)
     # One that does not come any more is looked at first, so that Stopped is raised at once.
-    for axis in sorted(course.axes, key=lambda axis: not axis.target.permit.given_up):
+    for axis in sorted(move.axes, key=lambda axis: not axis.target.permit.given_up):
         yield from _wait_axis(axis, end, tolerance)
 
 

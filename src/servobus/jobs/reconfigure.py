@@ -1,7 +1,7 @@
-"""Changing who is who: id, speed and factory settings, as transactions.
+"""Changing what a servo answers to: id, speed and factory settings, as transactions.
 
-If an answer is lost on the way, nobody knows whether the servo took the change. So it is looked for at both ends: where
-it should be now, then where it was. Nothing is told twice before it is known that the first time did not count.
+If an answer is lost on the way, it is unknown whether the servo took the change. So it is looked for at both ends:
+where it should be now, then where it was. Nothing is told twice before it is known that the first time did not count.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ ROUNDS = 3
 
 
 @frozen
-class End:
+class BusAddress:
     """Where a servo can be reached."""
 
     id: int
@@ -35,7 +35,7 @@ def change_id(target: KnownServo, id: int) -> Procedure[None]:
     under neither id.
     """
     family = target.model.family
-    old, new = End(check_id(target.id), target.baud), End(check_id(id), target.baud)
+    old, new = BusAddress(check_id(target.id), target.baud), BusAddress(check_id(id), target.baud)
     if new == old:
         return
     if (yield from _taken(family, new, old)):
@@ -46,11 +46,11 @@ def change_id(target: KnownServo, id: int) -> Procedure[None]:
 def change_baud(target: KnownServo, new_baud: int) -> Procedure[None]:
     """Set a servo to another speed, for good; the bus follows it.
 
-    Raises UsageError if another servo with its id is there already, for nobody could tell the two apart; BusError if
+    Raises UsageError if another servo with its id is there already, for nothing could tell the two apart; BusError if
     the servo stays at the old speed, NoReply if it is found at neither.
     """
     family = target.model.family
-    old, new = End(check_id(target.id), target.baud), End(target.id, new_baud)
+    old, new = BusAddress(check_id(target.id), target.baud), BusAddress(target.id, new_baud)
     if new != old and (yield from _taken(family, new, old)):
         raise UsageError(
             f"another servo answers to id {target.id} at {new_baud} baud: give one of them another id first"
@@ -58,7 +58,7 @@ def change_baud(target: KnownServo, new_baud: int) -> Procedure[None]:
     yield from _change(target, old, new, lambda end: family.set_baud(target, end.baud))
 
 
-def reset(target: KnownServo, keep: frozenset[str]) -> Procedure[End]:
+def reset(target: KnownServo, keep: frozenset[str]) -> Procedure[BusAddress]:
     """Restore factory settings; gives where the servo is then.
 
     Raises UsageError if another servo has the factory id, for nothing but unplugging one would tell the two apart;
@@ -67,8 +67,8 @@ def reset(target: KnownServo, keep: frozenset[str]) -> Procedure[End]:
     family = target.model.family
     factory = target.model.register("id").default
     id = target.id if "id" in keep or factory is None else factory
-    old = End(check_id(target.id), target.baud)
-    new = End(id, target.baud if "baud" in keep else target.model.factory_baud)
+    old = BusAddress(check_id(target.id), target.baud)
+    new = BusAddress(id, target.baud if "baud" in keep else target.model.factory_baud)
     if new != old and (yield from _taken(family, new, old)):
         raise UsageError(
             f"{target} would get {new}, and another servo answers to that already: "
@@ -77,7 +77,7 @@ def reset(target: KnownServo, keep: frozenset[str]) -> Procedure[End]:
 
     first = True
 
-    def attempt(_: End) -> Procedure[None]:
+    def attempt(_: BusAddress) -> Procedure[None]:
         """Reset; where neither id nor speed tell whether it happened, the settings must."""
         nonlocal first
         servo = target
@@ -99,7 +99,7 @@ def reset(target: KnownServo, keep: frozenset[str]) -> Procedure[End]:
 
 
 def _resettable(model: type[Model]) -> list[Register[int]]:
-    """List the settings whose factory value is known and that nobody asks to keep."""
+    """List the settings whose factory value is known and that is not to be kept."""
     kept = (model.register("id"), model.optional("baud"), model.optional("calibration"))
     return [
         row
@@ -109,7 +109,12 @@ def _resettable(model: type[Model]) -> list[Register[int]]:
 
 
 def _change(
-    target: KnownServo, old: End, new: End, attempt: Callable[[End], Procedure[None]], *, back: bool = True
+    target: KnownServo,
+    old: BusAddress,
+    new: BusAddress,
+    attempt: Callable[[BusAddress], Procedure[None]],
+    *,
+    back: bool = True,
 ) -> Procedure[None]:
     """Try to bring a servo from one end to the other, a second time if it is found where it was.
 
@@ -144,7 +149,7 @@ def _change(
     raise BusError(message) from problem
 
 
-def _locate(family: Family, new: End, old: End) -> Procedure[End | None]:
+def _locate(family: Family, new: BusAddress, old: BusAddress) -> Procedure[BusAddress | None]:
     """Find the end at which a servo answers clearly, the new one first; the bus is at its speed then."""
     for _ in range(ROUNDS):
         for end in (new, old):
@@ -153,15 +158,15 @@ def _locate(family: Family, new: End, old: End) -> Procedure[End | None]:
     return None
 
 
-def _taken(family: Family, end: End, back: End) -> Procedure[bool]:
-    """Tell whether anybody answers at an end, however badly; the bus is where it was then."""
+def _taken(family: Family, end: BusAddress, back: BusAddress) -> Procedure[bool]:
+    """Tell whether any servo answers at an end, however badly; the bus is where it was then."""
     error = yield from _reach(family, end)
     yield SetBaud(back.baud)
     return not isinstance(error, NoReply)
 
 
-def _reach(family: Family, end: End) -> Procedure[BusError | None]:
-    """Ask at an end whether somebody is there; give what went wrong."""
+def _reach(family: Family, end: BusAddress) -> Procedure[BusError | None]:
+    """Ask at an end whether a servo is there; give what went wrong."""
     yield SetBaud(end.baud)
     try:
         yield from family.ping(end.id)

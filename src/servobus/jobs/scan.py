@@ -84,7 +84,7 @@ Models: TypeAlias = str | type[Model] | Mapping[int, str | type[Model]]
 
 
 def model_told(models: Models | None, family: Family, id: int) -> type[Model] | None:
-    """Give the model that was said to be the one of a servo. Raises UnknownName for one that nobody knows."""
+    """Give the model that was said to be the one of a servo. Raises UnknownName for an unknown name."""
     told = models.get(id) if isinstance(models, Mapping) else models
     model = registry.model(told) if isinstance(told, str) else told
     return model if model is not None and model.family is family else None

@@ -65,7 +65,7 @@ NOT_FAST: Final = object()
 """What `try_fast_receive` gives where a longer look is needed."""
 
 
-class State(Enum):
+class LinkState(Enum):
     """What may come on the line; see the table at the head of this module."""
 
     IDLE = "idle"
@@ -74,7 +74,7 @@ class State(Enum):
     UNSURE = "unsure"
 
 
-IDLE, CAREFUL, WAITING, UNSURE = State.IDLE, State.CAREFUL, State.WAITING, State.UNSURE
+IDLE, CAREFUL, WAITING, UNSURE = LinkState.IDLE, LinkState.CAREFUL, LinkState.WAITING, LinkState.UNSURE
 
 
 class Link:
@@ -419,7 +419,7 @@ class Link:
             self.echo = collector.echo if collector.echo is not None else self.echo
             outcomes = collector.outcomes(older)
         several = len(collector.expected) > 1
-        # Of several questions nobody knows whose reply the broken bytes were.
+        # Of several questions it is unknown whose reply the broken bytes were.
         counts = self.log.counts(exchanges[0], BROADCAST if several else exchanges[0].id)
         counts.checksum += collector.corrupt
         counts.junk += collector.junk
@@ -477,7 +477,7 @@ class Link:
         while chunk := (yield Receive(gap)):
             heard += chunk
             if self.transport.now() > abandon:
-                said = f"{len(heard)} bytes came in 0.25 s although nobody was asked: another master, or noise?"
+                said = f"{len(heard)} bytes came in 0.25 s although nothing was asked: another master, or noise?"
                 raise LineBusy(f"{exchange.what}: not sent, the line is never quiet: {said}", bytes(heard))
         if heard:
             self.log.note_leftover(bytes(heard), exchange.framing)

@@ -1,4 +1,4 @@
-"""Who may talk on a line: one turn at a time, and the most urgent of those that wait comes next.
+"""What may talk on a line: one turn at a time, and the most urgent of those that wait comes next.
 
 Threads, tasks of an event loop and a stop for safety share one port. Two requests that overlap on the wire spoil each
 other's answers, so whatever talks needs a `Turn` first:
@@ -40,7 +40,7 @@ AGEING = 8
 ever. Assumption: so a scan beside them gets about a tenth of the line."""
 
 
-class State(Enum):
+class TurnState(Enum):
     """Where a turn stands; see the table at the head of this module."""
 
     IDLE = "idle"
@@ -49,7 +49,7 @@ class State(Enum):
     ENDED = "ended"
 
 
-IDLE, WAITING, HOLDING, ENDED = State
+IDLE, WAITING, HOLDING, ENDED = TurnState
 
 
 class Turn:
@@ -84,7 +84,7 @@ def turn_for(priority: Priority) -> Turn:
 
 
 class LineOwnership:
-    """Who may talk on one line. Its methods may be called from any thread, and may be broken off anywhere."""
+    """Decides which turn may talk. Its methods may be called from any thread, and may be broken off anywhere."""
 
     def __init__(self) -> None:
         self._mutex = threading.Lock()
@@ -245,7 +245,7 @@ class LineOwnership:
                 turn.state = IDLE
             return turn.state is HOLDING
 
-    def _leave(self, turn: Turn, state: State) -> None:
+    def _leave(self, turn: Turn, state: TurnState) -> None:
         with self._mutex:
             if turn.state is not ENDED:
                 turn.state = state

@@ -3,7 +3,7 @@
 An `OverloadMonitor` belongs to one servo; `Bus.protect` has each look at its own.
 
     OK      cool, and it moves if it pushes
-    WARN    near its temperature limit: somebody is told
+    WARN    near its temperature limit: the caller is told
     DERATE  nearer: it gets half its strength, or half its speed where it has no register for that
     SAFE    at the limit, or it pushes and has not moved for a while: its safe action, and no motion until that is over
 """

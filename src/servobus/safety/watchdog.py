@@ -1,4 +1,4 @@
-"""A deadman: it acts when nobody feeds it, for none of these servos has a watchdog of its own.
+"""A deadman: it acts when it is not fed, for none of these servos has a watchdog of its own.
 
 A thread of its own counts the time, so that it acts even while the program is stuck.
 """
@@ -66,7 +66,7 @@ class Watchdog:
 
     @property
     def tripped(self) -> bool:
-        """Whether nobody fed it in time."""
+        """Whether it was not fed in time."""
         return self._tripped
 
     def feed(self) -> None:

@@ -22,7 +22,7 @@ GRAIN = 1e-5
 """s; latencies are counted in steps of this."""
 
 
-class Kind(StrEnum):
+class EventKind(StrEnum):
     REQUEST = "request"
     ANSWER = "answer"
     PROBE = "probe"
@@ -56,7 +56,7 @@ class TrafficEvent:
 
     time: float
     direction: Direction
-    kind: Kind
+    kind: EventKind
     text: str
     family: Family | None = None
     id: int | None = None

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from servobus.errors import ServobusError, UsageError
-from servobus.transports.tap import DIGITS, Chunk, Direction, End, Entry, Speed
+from servobus.transports.tap import DIGITS, Chunk, Direction, Entry, Speed, TapEnd
 
 MAGIC = "# servobus recording "
 FORMAT = 1
@@ -100,7 +100,7 @@ def line(entry: Entry) -> str:
             said = f"{entry.direction} {entry.data.hex(' ').upper()}"
         case Speed():
             said = f"= {entry.baud}"
-        case End():
+        case TapEnd():
             said = "."
     return f"{entry.time:.{DIGITS}f} {said}\n"
 
@@ -160,7 +160,7 @@ def _entry(time: float, mark: str, what: str) -> Entry:
     if not math.isfinite(time):
         raise ValueError("no time")
     if mark == "." and not what:
-        return End(time)
+        return TapEnd(time)
     if mark == "=":
         if (baud := int(what)) <= 0:
             raise ValueError("no speed")
@@ -176,12 +176,12 @@ __all__ = [
     "MAGIC",
     "Chunk",
     "Direction",
-    "End",
     "Entry",
     "Header",
     "Recording",
     "RecordingFile",
     "Speed",
+    "TapEnd",
     "is_recording",
     "line",
     "parse",

@@ -19,8 +19,8 @@ from servobus.families.base import Family, Model
 from servobus.families.explain import addressed, servo, show_bytes
 from servobus.families.present import junk_text
 from servobus.families.registry import FAMILIES, MODELS, first_model
-from servobus.traffic.events import GRAIN, Kind, ServoTraffic, TrafficEvent, Trouble
-from servobus.traffic.recording import DIGITS, Chunk, Direction, End, Entry, Speed
+from servobus.traffic.events import GRAIN, EventKind, ServoTraffic, TrafficEvent, Trouble
+from servobus.traffic.recording import DIGITS, Chunk, Direction, Entry, Speed, TapEnd
 from servobus.traffic.streams import Mark, Stream, best_family, certain_family, good_bytes
 
 QUIET = 0.05
@@ -125,12 +125,12 @@ class Tracker:
     def feed(self, entry: Entry) -> list[TrafficEvent]:
         """Take in what was carried or heard, in the order of time."""
         events = self.pass_time(entry.time)
-        if isinstance(entry, End):
+        if isinstance(entry, TapEnd):
             return events
         if isinstance(entry, Speed):
             self._baud = entry.baud
             text = f"the line is at {entry.baud} baud from here on"
-            return [*events, TrafficEvent(entry.time, Direction.UNKNOWN, Kind.SPEED, text)]
+            return [*events, TrafficEvent(entry.time, Direction.UNKNOWN, EventKind.SPEED, text)]
         return events + self._take(entry)
 
     def pass_time(self, now: float) -> list[TrafficEvent]:
@@ -254,13 +254,13 @@ class Tracker:
         family, direction, time = stream.family, stream.direction, first.time
         if direction is Direction.IN and time < self._probed:
             self._probed = 0.0
-            return TrafficEvent(time, direction, Kind.ECHO, "echo of the probe", family, None, raw)
+            return TrafficEvent(time, direction, EventKind.ECHO, "echo of the probe", family, None, raw)
         if direction is not Direction.IN and behind:
             request = behind[0][2]
             if isinstance(request, Packet) and self._is_request(stream, request):
                 self._probed = time + PATIENCE
                 text = "probe: servos skip this byte, an echo brings it back"
-                return TrafficEvent(time, direction, Kind.PROBE, text, family, None, raw)
+                return TrafficEvent(time, direction, EventKind.PROBE, text, family, None, raw)
         return None
 
     def _begun(self, stream: Stream, raw: bytes) -> _Open | None:
@@ -275,7 +275,9 @@ class Tracker:
         self._counts(stream.family, id).corrupt += 1
         self.cut_short += 1
         text = f"CUT SHORT: the answer of {servo(id)} begins so, and a byte or more of it is lost"
-        return TrafficEvent(first.time, stream.direction, Kind.CORRUPT, text, stream.family, id, raw, None, Trouble.CUT)
+        return TrafficEvent(
+            first.time, stream.direction, EventKind.CORRUPT, text, stream.family, id, raw, None, Trouble.CUT
+        )
 
     def _is_request(self, stream: Stream, packet: Packet) -> bool:
         """Tell a request from an answer; where the sender is not known, by what was asked before."""
@@ -317,14 +319,14 @@ class Tracker:
             size += family.framing.overhead + max(reply.sizes)
             deadline = end + PATIENCE + self._wire_time(size)
             self._open.append(_Open(family, packet, reply, text, end, last.time, expected, deadline))
-        yield TrafficEvent(first.time, stream.direction, Kind.REQUEST, text, family, packet.id, raw)
+        yield TrafficEvent(first.time, stream.direction, EventKind.REQUEST, text, family, packet.id, raw)
 
     def _answer(self, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
         family, time = stream.family, first.time
         asked = self._answered_by(family, packet)
         if stream.direction is Direction.IN and self._is_echo(packet, asked, time):
             text = "echo of the request"
-            return TrafficEvent(time, stream.direction, Kind.ECHO, text, family, packet.id, raw)
+            return TrafficEvent(time, stream.direction, EventKind.ECHO, text, family, packet.id, raw)
         counts = self._counts(family, packet.id)
         if asked is not None:
             self._open.remove(asked)
@@ -343,7 +345,7 @@ class Tracker:
             return self._answer_to(asked, stream, packet, raw, first)
         trouble, text = self._misplaced(family, packet, time)
         counts.other += 1
-        return TrafficEvent(time, stream.direction, Kind.ANSWER, text, family, packet.id, raw, None, trouble)
+        return TrafficEvent(time, stream.direction, EventKind.ANSWER, text, family, packet.id, raw, None, trouble)
 
     def _answer_to(self, asked: _Open, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
         family = stream.family
@@ -352,7 +354,7 @@ class Tracker:
             latency = max(first.time - asked.end, 0.0)
             self._counts(family, packet.id).latencies[round(latency / GRAIN)] += 1
         text = self._explain(family, packet, asked.packet)
-        return TrafficEvent(first.time, stream.direction, Kind.ANSWER, text, family, packet.id, raw, latency)
+        return TrafficEvent(first.time, stream.direction, EventKind.ANSWER, text, family, packet.id, raw, latency)
 
     def _is_echo(self, packet: Packet, asked: _Open | None, time: float) -> bool:
         """Tell whether this is what was sent. Some requests look like their own answers (Dynamixel PING)."""
@@ -398,7 +400,9 @@ class Tracker:
         self.corrupt += 1
         said = self._explain(family, packet, asked.packet if asked else None)
         text = f"CHECKSUM WRONG: would be {said}"
-        return TrafficEvent(first.time, stream.direction, Kind.CORRUPT, text, family, id, raw, None, Trouble.CHECKSUM)
+        return TrafficEvent(
+            first.time, stream.direction, EventKind.CORRUPT, text, family, id, raw, None, Trouble.CHECKSUM
+        )
 
     def _time_out(self, asked: _Open, time: float) -> Iterator[TrafficEvent]:
         """End the wait for an answer."""
@@ -414,7 +418,7 @@ class Tracker:
             self._answers_commands.discard((asked.family.name, asked.id))
             text = f"NO ANSWER to {asked.text}"
             id = asked.id
-            yield TrafficEvent(time, Direction.IN, Kind.SILENCE, text, asked.family, id, b"", None, Trouble.SILENT)
+            yield TrafficEvent(time, Direction.IN, EventKind.SILENCE, text, asked.family, id, b"", None, Trouble.SILENT)
 
     def _explain(self, family: Family, packet: Packet, request: Packet | None) -> str:
         return _explained(family, packet, request, (self._model or first_model(family)).key())
@@ -432,4 +436,4 @@ def _explained(family: Family, packet: Packet, request: Packet | None, model: st
 
 
 def _junk(time: float, direction: Direction, raw: bytes, family: Family | None) -> TrafficEvent:
-    return TrafficEvent(time, direction, Kind.NOISE, junk_text(raw), family, None, raw, None, Trouble.JUNK)
+    return TrafficEvent(time, direction, EventKind.NOISE, junk_text(raw), family, None, raw, None, Trouble.JUNK)

@@ -54,7 +54,7 @@ class Speed:
 
 
 @dataclass(frozen=True, slots=True)
-class End:
+class TapEnd:
     """Nothing more came until this time, and then the line was watched no longer."""
 
     time: float
@@ -63,7 +63,7 @@ class End:
         object.__setattr__(self, "time", round(self.time, DIGITS))
 
 
-Entry: TypeAlias = Chunk | Speed | End
+Entry: TypeAlias = Chunk | Speed | TapEnd
 
 
 class _Inner:

@@ -33,7 +33,7 @@ NAMED = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Access:
+class PortAccess:
     """Whether a port is there, and whether this user may open it."""
 
     real: str
@@ -70,7 +70,7 @@ def is_wired(name: str, root: Path = ROOT) -> bool:
     return "://" not in name
 
 
-def access(name: str, root: Path = ROOT) -> Access | None:
+def access(name: str, root: Path = ROOT) -> PortAccess | None:
     """Look whether a port is there and may be opened; None if it is no file of this computer."""
     if not is_device(name):
         return None
@@ -79,9 +79,9 @@ def access(name: str, root: Path = ROOT) -> Access | None:
     try:
         about = path.stat()
     except OSError:
-        return Access(real, exists=False)
+        return PortAccess(real, exists=False)
     group, member = _group(about.st_gid) if about.st_mode & 0o060 == 0o060 else ("", False)
-    return Access(real, exists=True, allowed=os.access(path, os.R_OK | os.W_OK), group=group, member=member)
+    return PortAccess(real, exists=True, allowed=os.access(path, os.R_OK | os.W_OK), group=group, member=member)
 
 
 def real_name(name: str, root: Path = ROOT) -> str:
@@ -170,7 +170,7 @@ def _lockers(path: Path, proc: Path) -> Iterator[int]:
     place = f"{os.major(about.st_dev):02x}:{os.minor(about.st_dev):02x}:{about.st_ino}"
     for line in lines:
         words = line.split()
-        # 1: FLOCK  ADVISORY  WRITE 4711 00:06:345 0 EOF; those who wait have an arrow as their second word
+        # 1: FLOCK  ADVISORY  WRITE 4711 00:06:345 0 EOF; those that wait have an arrow as their second word
         if len(words) >= 6 and words[1] == "FLOCK" and words[5] == place and (proc / words[4]).is_dir():
             yield int(words[4])
 

@@ -17,7 +17,7 @@ import serial
 
 import servobus
 from servobus import RX28
-from servobus.traffic.recording import Chunk, Direction, End, Recording, parse
+from servobus.traffic.recording import Chunk, Direction, Recording, TapEnd, parse
 from unit.cli.conftest import Run
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo terminals and signals as on POSIX")
@@ -198,7 +198,7 @@ def test_until_the_application_closes_its_port(tmp_path: Path) -> None:
     assert servo["latency_median"] == servo["latency_longest"] == pytest.approx(latency, abs=1e-5)
     assert (servo["id"], servo["requests"], servo["answers"], servo["error_rate"]) == (1, 1, 1, 0.0)
     recorded = parse(saved.read_bytes())
-    assert isinstance(recorded.entries[-1], End)
+    assert isinstance(recorded.entries[-1], TapEnd)
     assert (data(recorded, Direction.OUT), data(recorded, Direction.IN)) == (PING, PONG)
 
 

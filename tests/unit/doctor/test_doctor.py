@@ -8,7 +8,7 @@ import pytest
 
 from samples import factory_bauds
 from servobus import DRS0602, FAMILIES, RX28, Bus, connect, deg
-from servobus.doctor import Finding, Level, Plan, examine
+from servobus.doctor import Finding, SearchPlan, Severity, examine
 from servobus.doctor.losses import count
 from servobus.doctor.port import check_open_port, check_system
 from servobus.errors import PortLost
@@ -27,11 +27,11 @@ def told(findings: Iterator[Finding] | list[Finding]) -> dict[str, Finding]:
 
 
 def wrong(findings: Iterator[Finding]) -> list[Finding]:
-    return [finding for finding in findings if finding.level in (Level.WARN, Level.FAIL)]
+    return [finding for finding in findings if finding.level in (Severity.WARN, Severity.FAIL)]
 
 
-def visit(spec: str, reads: int = 10, ids: range = range(4), plan: Plan | None = None) -> list[Finding]:
-    return list(examine(f"virtual:{spec}", plan or Plan(FACTORY, ids=ids, reads=reads)))
+def visit(spec: str, reads: int = 10, ids: range = range(4), plan: SearchPlan | None = None) -> list[Finding]:
+    return list(examine(f"virtual:{spec}", plan or SearchPlan(FACTORY, ids=ids, reads=reads)))
 
 
 class TestPort:
@@ -53,7 +53,7 @@ class TestPort:
 
     def test_that_is_not_there(self, root: Path) -> None:
         (finding,) = check_system("/dev/ttyUSB1", root)
-        assert (finding.level, finding.check) == (Level.FAIL, "port")
+        assert (finding.level, finding.check) == (Severity.FAIL, "port")
         assert finding.mend[0] == "servobus ports"
 
     def test_that_may_not_be_opened(self, root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,27 +61,27 @@ class TestPort:
         monkeypatch.setattr(facts, "_group", lambda _: ("dialout", False))
         (root / "dev/ttyUSB0").chmod(0o660)
         *_, finding = check_system("/dev/ttyUSB0", root)
-        assert (finding.level, finding.check) == (Level.FAIL, "permission")
+        assert (finding.level, finding.check) == (Severity.FAIL, "permission")
         assert "group dialout" in finding.cause
         assert finding.mend == ("sudo usermod -aG dialout $USER",)
         monkeypatch.setattr(facts, "_group", lambda _: ("dialout", True))
         *_, finding = check_system("/dev/ttyUSB0", root)
-        assert (finding.level, finding.mend) == (Level.FAIL, ())
+        assert (finding.level, finding.mend) == (Severity.FAIL, ())
         assert "log out and in again" in finding.cause
 
     def test_that_another_program_has(self, root: Path) -> None:
         (root / "proc/4711/fd/3").symlink_to("/dev/ttyUSB0")
         finding = told(check_system("/dev/arm", root))["in use"]
-        assert (finding.level, finding.what) == (Level.FAIL, "by python3 arm.py (pid 4711)")
+        assert (finding.level, finding.what) == (Severity.FAIL, "by python3 arm.py (pid 4711)")
         assert finding.mend == ("kill 4711",)
 
     def test_with_a_slow_adapter(self, root: Path) -> None:
         findings = told(check_system("/dev/arm", root))
         assert findings["port"].what == "/dev/arm is a link to /dev/ttyUSB0"
-        assert findings["in use"].level is Level.OK
+        assert findings["in use"].level is Severity.OK
         assert findings["adapter"].what.endswith("(0403:6014) serial number FT1, driver ftdi_sio, at 1-1.2")
         timer = findings["latency timer"]
-        assert (timer.level, timer.what) == (Level.WARN, "16 ms")
+        assert (timer.level, timer.what) == (Severity.WARN, "16 ms")
         assert "some 62 reads a second" in timer.cause  # 1 / 16 ms
         assert timer.mend[0] == "echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer"
         assert all(len(line) <= 68 for command in timer.mend for line in command.splitlines())
@@ -99,8 +99,8 @@ class TestPort:
         assert list(check_system("virtual:rx28@1", root)) == []
         assert list(check_system("socket://robot:3333", root)) == []
 
-    @pytest.mark.parametrize(("on", "level"), [(True, Level.OK), (False, Level.UNKNOWN)])
-    def test_low_latency_mode(self, on: bool, level: Level) -> None:
+    @pytest.mark.parametrize(("on", "level"), [(True, Severity.OK), (False, Severity.UNKNOWN)])
+    def test_low_latency_mode(self, on: bool, level: Severity) -> None:
         port = Scripted()
         port.adapter = Adapter("/dev/ttyUSB0", driver="ftdi_sio", latency_timer=1)  # type: ignore[attr-defined]
         port.low_latency = on  # type: ignore[attr-defined]
@@ -109,8 +109,8 @@ class TestPort:
         assert list(check_open_port(Bus(Scripted()))) == []
 
     def test_that_cannot_be_opened(self) -> None:
-        *_, finding = examine("socket://127.0.0.1:1", Plan(FACTORY))
-        assert finding.level is Level.FAIL
+        *_, finding = examine("socket://127.0.0.1:1", SearchPlan(FACTORY))
+        assert finding.level is Severity.FAIL
         assert "127.0.0.1:1: cannot be opened" in finding.what
 
     def test_that_is_lost_while_it_is_looked_at(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -119,8 +119,8 @@ class TestPort:
                 raise PortLost(f"/dev/ttyUSB0: the port went away while writing {data.hex()}")
 
         monkeypatch.setattr(connect, "open", lambda _: Bus(MissedReply()))
-        *_, finding = examine("virtual:rx28@1", Plan(FACTORY))
-        assert (finding.level, finding.check) == (Level.FAIL, "port")
+        *_, finding = examine("virtual:rx28@1", SearchPlan(FACTORY))
+        assert (finding.level, finding.check) == (Severity.FAIL, "port")
         assert "went away" in finding.what
 
 
@@ -129,7 +129,7 @@ class TestServos:
     def test_nothing_is_wrong_with_new_ones(self, spec: str) -> None:
         findings = visit(f"{spec}?clock=virtual")
         assert wrong(iter(findings)) == []
-        assert [finding.check for finding in findings if finding.level is Level.OK][:4] == [
+        assert [finding.check for finding in findings if finding.level is Severity.OK][:4] == [
             "echo", "servos", "speed", "ids",
         ]  # fmt: skip
         assert told(findings)["reads"].what.startswith("10, none lost; answers after median ")
@@ -140,13 +140,15 @@ class TestServos:
 
     def test_nobody(self) -> None:
         (finding,) = wrong(iter(visit("rx28@9?clock=virtual")))
-        assert (finding.level, finding.check) == (Level.FAIL, "servos")
+        assert (finding.level, finding.check) == (Severity.FAIL, "servos")
         assert "no power" in finding.cause
         assert finding.mend == ("servobus doctor 'virtual:rx28@9?clock=virtual' --baud all",)
 
     def test_another_speed_is_found(self) -> None:
         dynamixel = FAMILIES["dynamixel"]
-        plan = Plan(FACTORY, [(dynamixel, (19_200,)), (dynamixel, (500_000,)), (dynamixel, (9_600,))], range(3), 0)
+        plan = SearchPlan(
+            FACTORY, [(dynamixel, (19_200,)), (dynamixel, (500_000,)), (dynamixel, (9_600,))], range(3), 0
+        )
         findings = told(visit("rx28@1?clock=virtual&baud=500000", plan=plan))
         assert findings["speed"].what == f"dynamixel at 500000 (from the factory {RX28.factory_baud})"
         assert findings["speed"].cause == "other commands find them with --baud 500000"
@@ -155,7 +157,7 @@ class TestServos:
         port = inprocess.connect("virtual:rx28@1-3?clock=virtual")
         Bus(port).find(3).change_baud(500_000)
         monkeypatch.setattr(connect, "open", lambda _: Bus(port))
-        plan = Plan([(FAMILIES["dynamixel"], (57_600, 500_000))], ids=range(5), reads=30)
+        plan = SearchPlan([(FAMILIES["dynamixel"], (57_600, 500_000))], ids=range(5), reads=30)
         findings = told(examine("virtual:", plan))
         assert (
             findings["speed"].what == f"dynamixel at 57600, dynamixel at 500000 (from the factory {RX28.factory_baud})"
@@ -168,8 +170,8 @@ class TestServos:
         port = inprocess.connect(f"virtual:{spec}?clock=virtual")
         port.servos[0].turn_shaft(90 * deg)  # they answer at once; where the answers differ, they collide
         monkeypatch.setattr(connect, "open", lambda _: Bus(port))
-        (finding,) = wrong(examine("virtual:", Plan(FACTORY, ids=[1, 2, 219], reads=0)))
-        assert (finding.level, finding.check) == (Level.FAIL, "ids")
+        (finding,) = wrong(examine("virtual:", SearchPlan(FACTORY, ids=[1, 2, 219], reads=0)))
+        assert (finding.level, finding.check) == (Severity.FAIL, "ids")
         assert f"two servos with id {id}?" in finding.cause
         assert finding.mend == (f"servobus set-id '{port.name}' {id} {free}",)
 
@@ -179,12 +181,12 @@ class TestServos:
         port = inprocess.connect("virtual:rx28@1,1,2?clock=virtual")
         port.servos[0].turn_shaft(90 * deg)
         monkeypatch.setattr(connect, "open", lambda _: Bus(port))
-        findings = wrong(examine("virtual:", Plan(FACTORY, ids=range(4), reads=100)))
+        findings = wrong(examine("virtual:", SearchPlan(FACTORY, ids=range(4), reads=100)))
         ids = told(findings)["ids"]
         assert ids.what == "RX-28 id 1: its answers are garbled again and again"
         assert ids.mend == (f"servobus set-id '{port.name}' 1 3",)
         reads = told(findings)["reads"]
-        assert reads.level is Level.FAIL
+        assert reads.level is Severity.FAIL
         # 50 of 100 are for each; after 20 that are lost in a row id 1 is asked no more.
         assert reads.what.startswith("20 of 70 lost (28.6 %): 20 with a wrong checksum; worst is RX-28 id 1 with 20")
 
@@ -194,7 +196,7 @@ class TestServos:
         bus.find(1).write(RX28.status_return_level, 0)
         from servobus.doctor.search import search  # noqa: PLC0415 - the stage under test
 
-        (finding,) = wrong(search(bus, Plan(FACTORY, ids=[1]), lambda *_: None))
+        (finding,) = wrong(search(bus, SearchPlan(FACTORY, ids=[1]), lambda *_: None))
         assert finding.mend == (f"servobus write '{port.name}' 1 status_return_level=2",)
 
 
@@ -203,14 +205,14 @@ class TestHealth:
         ("spec", "level", "words"),
         [
             # RX-28 manual 1-3: 12 to 16 V; 3-4-1: the limits are 6.0 and 24.0 V from the factory.
-            ("rx28@1-2?voltage=9", Level.WARN, "RX-28 ids 1, 2: 9.0 V is outside 12.0 V .. 16.0 V, what its maker"),
-            ("rx28@1-2?voltage=5", Level.FAIL, "RX-28 ids 1, 2: 5.0 V is outside 6.0 V .. 24.0 V, the limits set"),
+            ("rx28@1-2?voltage=9", Severity.WARN, "RX-28 ids 1, 2: 9.0 V is outside 12.0 V .. 16.0 V, what its maker"),
+            ("rx28@1-2?voltage=5", Severity.FAIL, "RX-28 ids 1, 2: 5.0 V is outside 6.0 V .. 24.0 V, the limits set"),
             # DRS-0602 manual 4-2: 9.5 V is the lowest from the factory.
-            ("drs0602@1?voltage=8", Level.FAIL, "DRS-0602 id 1: 8.0 V is outside 9.5 V .. 17.0 V, the limits set"),
-            ("lx16a@1?voltage=9", Level.WARN, "LX-16A id 1: 9.0 V is outside 6.0 V .. 8.4 V, what its maker allows"),
+            ("drs0602@1?voltage=8", Severity.FAIL, "DRS-0602 id 1: 8.0 V is outside 9.5 V .. 17.0 V, the limits set"),
+            ("lx16a@1?voltage=9", Severity.WARN, "LX-16A id 1: 9.0 V is outside 6.0 V .. 8.4 V, what its maker allows"),
         ],
     )
-    def test_voltage(self, spec: str, level: Level, words: str) -> None:
+    def test_voltage(self, spec: str, level: Severity, words: str) -> None:
         finding = told(visit(f"{spec}&clock=virtual"))["voltage"]
         assert finding.level is level
         assert finding.what.startswith(words)
@@ -219,12 +221,12 @@ class TestHealth:
     @pytest.mark.parametrize(
         ("spec", "limit", "level"),
         [
-            ("rx28@1-2?temperature=75", 80, Level.WARN),
-            ("rx28@1-2?temperature=90", 80, Level.FAIL),
-            ("lx16a@1-2?temperature=80", 85, Level.WARN),
+            ("rx28@1-2?temperature=75", 80, Severity.WARN),
+            ("rx28@1-2?temperature=90", 80, Severity.FAIL),
+            ("lx16a@1-2?temperature=80", 85, Severity.WARN),
         ],
     )
-    def test_temperature(self, spec: str, limit: int, level: Level) -> None:
+    def test_temperature(self, spec: str, limit: int, level: Severity) -> None:
         finding = told(visit(f"{spec}&clock=virtual"))["temperature"]
         assert finding.level is level
         assert finding.what.endswith(f"where {limit} °C is the limit set in it")
@@ -236,8 +238,8 @@ class TestHealth:
         port = inprocess.connect("virtual:drs0602@1-2?clock=virtual&temperature=95")
         port.sleep(1.0)  # the firmware needs a while to notice
         monkeypatch.setattr(connect, "open", lambda _: Bus(port))
-        finding = told(examine("virtual:", Plan(FACTORY, ids=[1, 2], reads=0)))["errors"]
-        assert (finding.level, finding.what) == (Level.FAIL, "DRS-0602 ids 1, 2: temperature")
+        finding = told(examine("virtual:", SearchPlan(FACTORY, ids=[1, 2], reads=0)))["errors"]
+        assert (finding.level, finding.what) == (Severity.FAIL, "DRS-0602 ids 1, 2: temperature")
         clear, rearm = finding.mend
         assert clear.endswith("$id status_error=0 status_detail=0; done")
         assert rearm == f"for id in 1 2; do servobus rearm '{port.name}' $id; done"
@@ -245,21 +247,21 @@ class TestHealth:
 
     def test_the_error_that_a_search_may_cause(self) -> None:
         # The PING of a Dynamixel with id 7, FF FF 07 02 01 F5, is the start of a packet for a HerkuleX with id 2.
-        plan = Plan([(FAMILIES[name], (115_200,)) for name in ("dynamixel", "herkulex")], ids=range(12), reads=0)
+        plan = SearchPlan([(FAMILIES[name], (115_200,)) for name in ("dynamixel", "herkulex")], ids=range(12), reads=0)
         finding = told(visit("drs0602@2?clock=virtual", plan=plan))["errors"]
-        assert (finding.level, finding.what) == (Level.WARN, "DRS-0602 id 2: invalid_packet")
+        assert (finding.level, finding.what) == (Severity.WARN, "DRS-0602 id 2: invalid_packet")
         assert "meant for another family" in finding.cause
 
     def test_errors_that_end_with_their_cause(self) -> None:
         finding = told(visit("rx28@1?clock=virtual&voltage=5"))["errors"]
-        assert (finding.level, finding.what, finding.mend) == (Level.FAIL, "RX-28 id 1: input_voltage", ())
+        assert (finding.level, finding.what, finding.mend) == (Severity.FAIL, "RX-28 id 1: input_voltage", ())
 
     def test_a_shutdown(self, monkeypatch: pytest.MonkeyPatch) -> None:
         port = inprocess.connect("virtual:rx28@1?clock=virtual")
         Bus(port).find(1).write(RX28.torque_limit, 0.0)
         monkeypatch.setattr(connect, "open", lambda _: Bus(port))
-        finding = told(examine("virtual:", Plan(FACTORY, ids=[1], reads=0)))["errors"]
-        assert finding.level is Level.FAIL
+        finding = told(examine("virtual:", SearchPlan(FACTORY, ids=[1], reads=0)))["errors"]
+        assert finding.level is Severity.FAIL
         assert finding.what == "RX-28 id 1: the torque limit is 0, so nothing moves"
         assert "rearm switches the torque on" in finding.cause
         assert finding.mend == (f"servobus rearm '{port.name}' 1",)
@@ -267,8 +269,8 @@ class TestHealth:
     def test_servos_that_cannot_be_asked_for_errors(self) -> None:
         errors = [finding for finding in visit("rx28@1,lx16a@2?clock=virtual") if finding.check == "errors"]
         assert [(finding.level, finding.what) for finding in errors] == [
-            (Level.OK, "none"),
-            (Level.UNKNOWN, "LX-16A cannot be asked for them"),
+            (Severity.OK, "none"),
+            (Severity.UNKNOWN, "LX-16A cannot be asked for them"),
         ]
 
 
@@ -312,8 +314,8 @@ class TestLosses:
             seen.append((stage, done, total))
             port.lossy = stage == "reading"
 
-        finding = told(examine("virtual:", Plan(FACTORY, ids=[1, 2], reads=200), watch))["reads"]
-        assert finding.level is Level.FAIL
+        finding = told(examine("virtual:", SearchPlan(FACTORY, ids=[1, 2], reads=200), watch))["reads"]
+        assert finding.level is Severity.FAIL
         assert " of 200 lost" in finding.what
         assert "silent" in finding.what
         assert "loose plug" in finding.cause
@@ -342,7 +344,9 @@ def test_only_asks(monkeypatch: pytest.MonkeyPatch, spec: str, where: int, harml
     monkeypatch.setattr(VirtualPort, "write", record)
     servo = connect.open(f"virtual:{spec}?clock=virtual").find(1)
     sent.clear()
-    visit(f"{spec}?clock=virtual&voltage=9&temperature=70", plan=Plan([(servo.family, (servo.baud,))], ids=range(3)))
+    visit(
+        f"{spec}?clock=virtual&voltage=9&temperature=70", plan=SearchPlan([(servo.family, (servo.baud,))], ids=range(3))
+    )
     assert len(sent) > 1000
     assert {request[where] for request in sent} <= harmless
 

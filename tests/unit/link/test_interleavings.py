@@ -21,7 +21,7 @@ from servobus.families.dynamixel import protocol as dynamixel_packets
 from servobus.families.herkulex import protocol as herkulex_packets
 from servobus.families.registry import FAMILIES
 from servobus.jobs.scan import scan
-from servobus.link.link import Link, State
+from servobus.link.link import Link, LinkState
 from servobus.link.waits import Receive, Waits
 from servobus.virtual.serve.inprocess import VirtualPort
 from unit.link.test_group import SYNC_READ, sync_read
@@ -231,7 +231,7 @@ def look_numbered(link: Link, port: Numbered, family: str) -> int:
                 # It may be asked twice, and who answered the first time keeps what it said then.
                 came += right(port, group, id, number, since=began)
         port.sleep(0.5)
-    assert link.state in (State.IDLE, State.CAREFUL, State.UNSURE)
+    assert link.state in (LinkState.IDLE, LinkState.CAREFUL, LinkState.UNSURE)
     return came
 
 

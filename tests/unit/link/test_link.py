@@ -203,7 +203,7 @@ class TestQuiet:
     def test_a_line_that_is_never_quiet_is_said_to_be(self) -> None:
         bus, port = linked("12 34")
         port.say(*((0.001 * n, "00") for n in range(1000)))
-        with pytest.raises(LineBusy, match="although nobody was asked") as caught:
+        with pytest.raises(LineBusy, match="although nothing was asked") as caught:
             temperature(bus)
         assert len(caught.value.heard) > 200
         assert port.requests == []

@@ -17,7 +17,7 @@ import pytest
 from servobus.core.operation import Priority
 from servobus.errors import Stopped
 from servobus.link import ownership
-from servobus.link.ownership import LineOwnership, State, Turn, turn_for
+from servobus.link.ownership import LineOwnership, Turn, TurnState, turn_for
 
 PROMPT = 5.0
 """s after which a test gives up waiting for a thread."""
@@ -235,7 +235,7 @@ def test_a_stop_waits_first_then_interrupts_then_goes_ahead() -> None:
         in_thread(stop)
         assert thread_done.wait(PROMPT)
         assert told == ["interrupted", "True", "True"]
-        assert stuck.state is State.ENDED
+        assert stuck.state is TurnState.ENDED
     assert free(line)
 
 

@@ -1,5 +1,5 @@
 from servobus.traffic.present import COLUMNS, event_entry, event_lines, summary_entry, table, totals_text
-from servobus.traffic.recording import Chunk, Direction, End
+from servobus.traffic.recording import Chunk, Direction, TapEnd
 from servobus.traffic.tracker import Tracker
 
 PING = bytes.fromhex("FF FF 01 02 01 FB")
@@ -39,7 +39,7 @@ def test_what_it_comes_to() -> None:
         (0.001, Direction.OUT, PING), (0.0035, Direction.IN, PONG), (1.0, Direction.OUT, PING),
     ):  # fmt: skip
         tracker.feed(Chunk(time, direction, data))
-    tracker.feed(End(2.0))
+    tracker.feed(TapEnd(2.0))
     summary = summary_entry(tracker)
     assert (summary["time"], summary["junk"], summary["corrupt"]) == (2.0, 0, 0)
     (servo,) = summary["servos"]

@@ -7,7 +7,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from servobus.errors import UsageError
-from servobus.traffic.recording import Chunk, Direction, End, Entry, Header, Recording, Speed, is_recording, line, parse
+from servobus.traffic.recording import (
+    Chunk,
+    Direction,
+    Entry,
+    Header,
+    Recording,
+    Speed,
+    TapEnd,
+    is_recording,
+    line,
+    parse,
+)
 
 HEAD = Header("/dev/ttyUSB0", 57_600, "dynamixel", "rx28", "2026-01-02T03:04:05.678+00:00")
 LINES = (
@@ -24,7 +35,7 @@ ENTRIES: tuple[Entry, ...] = (
     Chunk(0.002314, Direction.IN, bytes.fromhex("FF FF 01 02 00 FC")),
     Chunk(0.5, Direction.UNKNOWN, b"\x00"),
     Speed(1.0, 1_000_000),
-    End(61.25),
+    TapEnd(61.25),
 )
 BARE = HEAD.line().rstrip("\n")
 

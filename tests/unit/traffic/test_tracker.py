@@ -6,7 +6,7 @@ import pytest
 
 from golden.golden import load
 from servobus.families.registry import DRS0602, FAMILIES, LX16A, RX28
-from servobus.traffic.events import Kind, ServoTraffic, TrafficEvent, Trouble
+from servobus.traffic.events import EventKind, ServoTraffic, TrafficEvent, Trouble
 from servobus.traffic.recording import Chunk, Direction, Entry, Speed
 from servobus.traffic.tracker import PATIENCE, QUIET, Tracker
 
@@ -131,7 +131,7 @@ def test_a_wire_without_bit_times_has_no_negative_latency() -> None:
 def test_speed_changes() -> None:
     tracker = Tracker(baud=57_600)
     change = tracker.feed(Speed(0.5, 10_000))
-    assert (change[0].kind, change[0].text) == (Kind.SPEED, "the line is at 10000 baud from here on")
+    assert (change[0].kind, change[0].text) == (EventKind.SPEED, "the line is at 10000 baud from here on")
     assert watch([(1.0, ">", PING), (1.010, "<", PONG)], tracker)[1].latency == pytest.approx(0.004)
 
 
@@ -153,7 +153,7 @@ def test_no_answer_in_time(family: str) -> None:
     assert kinds(tracker.feed(Chunk(1.0, Direction.OUT, question))) == ["request"]
     assert tracker.pass_time(1.0 + 0.9 * PATIENCE) == []
     (silence,) = tracker.pass_time(1.0 + 1.1 * PATIENCE)
-    assert (silence.kind, silence.trouble) == (Kind.SILENCE, Trouble.SILENT)
+    assert (silence.kind, silence.trouble) == (EventKind.SILENCE, Trouble.SILENT)
     assert silence.time == pytest.approx(1.0 + PATIENCE)
     assert silence.text.startswith("NO ANSWER to ")
     assert (only(tracker).missing, only(tracker).error_rate) == (1, 1.0)
@@ -241,7 +241,7 @@ def test_an_answer_before_its_question() -> None:
 
 def test_an_answer_that_reads_as_a_request_is_not_taken_for_one() -> None:
     (answer,) = watch([(0.0, "<", LOW_VOLTAGE)], Tracker(model=RX28))
-    assert (answer.kind, answer.text) == (Kind.ANSWER, "NOBODY ASKED for this: answer of id 1, 0x01")
+    assert (answer.kind, answer.text) == (EventKind.ANSWER, "NOBODY ASKED for this: answer of id 1, 0x01")
 
 
 def test_an_answer_of_the_wrong_length() -> None:
@@ -440,7 +440,7 @@ def test_junk_before_anything_is_known() -> None:
     tracker = Tracker()
     assert tracker.feed(Chunk(0.0, Direction.IN, b"\x01\x02")) == []
     (junk,) = tracker.pass_time(1.0)
-    assert (junk.kind, junk.raw, junk.family, junk.time) == (Kind.NOISE, b"\x01\x02", None, 0.0)
+    assert (junk.kind, junk.raw, junk.family, junk.time) == (EventKind.NOISE, b"\x01\x02", None, 0.0)
     assert tracker.family is None
     assert tracker.junk == 2
 

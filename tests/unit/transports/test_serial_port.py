@@ -230,7 +230,7 @@ class TestOpening:
             raise PermissionError(13, "Permission denied")
 
         monkeypatch.setattr(os, "open", refuse)
-        about = facts.Access("/dev/ttyUSB0", exists=True, group="dialout")
+        about = facts.PortAccess("/dev/ttyUSB0", exists=True, group="dialout")
         monkeypatch.setattr(facts, "access", lambda _: about)
         with pytest.raises(PortError, match=r"group dialout: sudo usermod -aG dialout \$USER, then log out"):
             SerialPort(terminal.name, 57_600)

@@ -17,7 +17,7 @@ from servobus.errors import ServobusError, UsageError
 from servobus.traffic.recording import Header, RecordingFile, parse
 from servobus.transports.base import Transport
 from servobus.transports.serial_port import SerialPort
-from servobus.transports.tap import Chunk, Direction, End, Entry, ReplayTransport, Speed, TapTransport
+from servobus.transports.tap import Chunk, Direction, Entry, ReplayTransport, Speed, TapEnd, TapTransport
 from servobus.virtual.serve.inprocess import connect
 
 PING = bytes.fromhex("FF FF 01 02 01 FB")
@@ -69,10 +69,10 @@ def test_a_recording_is_a_file_and_plays_back_from_it(tmp_path: Path) -> None:
     with RecordingFile(path, Header(SERVOS, 115_200)) as file:
         tap = TapTransport(connect(SERVOS), file.write)
         done = session(tap)
-        file.write(End(tap.elapsed()))
+        file.write(TapEnd(tap.elapsed()))
     recording = parse(path.read_bytes())
     assert not recording.cut
-    assert isinstance(recording.entries[-1], End)
+    assert isinstance(recording.entries[-1], TapEnd)
     assert session(ReplayTransport(recording.entries)) == done
     with pytest.raises(UsageError, match="exists already"):
         RecordingFile(path, Header(SERVOS, 115_200))

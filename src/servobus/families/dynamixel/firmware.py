@@ -354,7 +354,7 @@ class Dynamixel1Servo(VirtualServo):
         if errors & self.get("alarm_led"):
             self._flicker_until = time + HOLD
         if errors & self.get("alarm_shutdown"):
-            # Whoever writes Torque Limit ends the shutdown (3-4-1, ED-29); Torque Enable is not touched.
+            # A write of Torque Limit ends the shutdown (3-4-1, ED-29); Torque Enable is not touched.
             self.put("torque_limit", 0)
             self._follow_shaft()
 
@@ -424,7 +424,7 @@ class Dynamixel1Servo(VirtualServo):
             self._moving = not arrived(error, *(now.cw if error > 0 else now.ccw), self.shaft.velocity, standing)
 
     def _idle(self, now: Settings) -> bool:
-        """Tell whether no alarm can come up as long as nobody touches the servo."""
+        """Tell whether no alarm can come up as long as nothing touches the servo."""
         shaft = self.shaft
         temperatures = shaft.case, shaft.state.winding, shaft.ambient
         cool, even = max(temperatures) < now.hottest, max(temperatures) - min(temperatures) < 0.1

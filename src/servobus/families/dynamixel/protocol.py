@@ -259,7 +259,7 @@ LONGEST_DELAY = 254 * 2e-6
 
 
 def ping(id: int) -> Exchange[None]:
-    """PING: always answered, except to the broadcast id (3-5-5, ED-19). Any answer will do: somebody is there."""
+    """PING: always answered, except to the broadcast id (3-5-5, ED-19). Any answer will do: a servo is there."""
     return _exchange(f"PING id {id}", Ping(id), answered=id != BROADCAST, repeatable=True).mapped(ack_only)
 
 

@@ -108,7 +108,7 @@ class Dynamixel1(Family):
     ) -> Procedure[None]:
         fresh = {register: raw for register, raw in values.items() if register not in same}
         parts = {_address(register): register.layout.pack(raw) for register, raw in fresh.items()}
-        # The EEPROM wears, and a second write of id or speed would go to nobody: only RAM may be written twice.
+        # The EEPROM wears, and a second write of id or speed would reach no servo: only RAM may be written twice.
         in_ram = all(register.area is Area.RAM for register in fresh)
         for address, data in adjacent(parts):
             yield _write(target, address, data, repeatable=in_ram)

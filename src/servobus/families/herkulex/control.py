@@ -182,7 +182,7 @@ class Speedometer:
         return self._same >= len(self._seen)
 
 
-class Watchdog:
+class OverloadTimer:
     """Tells what lasts for longer than a while."""
 
     __slots__ = ("_for", "limit")

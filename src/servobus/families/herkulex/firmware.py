@@ -21,11 +21,11 @@ from servobus.core.registers import Access
 from servobus.core.units import deg
 from servobus.families.herkulex.control import (
     MEASURED,
+    OverloadTimer,
     PositionControl,
     SpeedControl,
     Speedometer,
     Stages,
-    Watchdog,
 )
 from servobus.families.herkulex.places import EEP, RAM
 from servobus.families.herkulex.protocol import (
@@ -55,7 +55,7 @@ from servobus.families.herkulex.protocol import (
     parse_request,
 )
 from servobus.virtual.device.servo import Replies, VirtualServo
-from servobus.virtual.physics.trajectory import PlannedMove, Profile, Ramp, StepCounter, StopDetection, ramp_time
+from servobus.virtual.physics.trajectory import GoalTrajectory, Profile, Ramp, StepCounter, StopDetection, ramp_time
 
 _parse = functools.lru_cache(maxsize=16)(parse_request)
 """All servos of a line read the same packet: one with 53 JOGs is taken apart once, not once by each."""
@@ -112,7 +112,7 @@ class HerkulexServo(VirtualServo):
         self._place(Aux.POTENTIOMETER)  # H-4
         self._loops = 0
         self._goal = self.shaft.position
-        self._course = PlannedMove(self.tick, Profile(self._goal, self._goal))
+        self._trajectory = GoalTrajectory(self.tick, Profile(self._goal, self._goal))
         self._per_step = 1 / self._counter.step
         self._slowest = self._counter.step / MEASURED  # rad/s
         self._speed_unit = self.row("differential_position").scale.decode(1)
@@ -120,7 +120,7 @@ class HerkulexServo(VirtualServo):
         self._stop = StopDetection(count)
         self._meter = Speedometer(self.tick, count)
         self._position, self._turning = PositionControl(self.tick, self._full), SpeedControl(self.tick)
-        self._watches = {error: Watchdog() for error in WATCHED}
+        self._watches = {error: OverloadTimer() for error in WATCHED}
         self._driven = self._alert = False
         self._pwm = 0
         self.baud = CLOCK / (self.get("baud_rate") + 1)  # EEP only: a new one waits for this moment (H-37)
@@ -157,7 +157,7 @@ class HerkulexServo(VirtualServo):
 
     @property
     def trajectory(self) -> float | None:
-        return self._course.position if self._driven else None
+        return self._trajectory.position if self._driven else None
 
     # Packets
 
@@ -286,8 +286,8 @@ class HerkulexServo(VirtualServo):
 
     def _sense(self) -> None:
         """Bring the registers that are measured up to date."""
-        here, course = self.shaft.position, self._course
-        trajectory = course.position if self._driven and course.position is not None else here
+        here, trajectory = self.shaft.position, self._trajectory
+        set_point = trajectory.position if self._driven and trajectory.position is not None else here
         absolute, goal = self._counter.read(here), self._counter.read(self._goal)
         self._measured("voltage", self.voltage)
         self._measured("temperature", self.temperature)
@@ -298,10 +298,10 @@ class HerkulexServo(VirtualServo):
         self.put("pwm", self._pwm)
         self._measured("absolute_2nd_position", self._potentiometer)
         self.put("absolute_goal_position", goal)
-        self.put("absolute_desired_trajectory_position", self._counter.read(trajectory))
-        self._measured("desired_velocity", course.speed if self._driven else 0.0)
+        self.put("absolute_desired_trajectory_position", self._counter.read(set_point))
+        self._measured("desired_velocity", trajectory.speed if self._driven else 0.0)
         state = self._stop.moving * StatusDetail.MOVING | self._driven * StatusDetail.TORQUE_ON
-        if self._driven and course.position is not None and abs(goal - absolute) < self.get("inposition_margin"):
+        if self._driven and trajectory.position is not None and abs(goal - absolute) < self.get("inposition_margin"):
             state |= StatusDetail.INPOSITION
         self.put("status_detail", self.get("status_detail") & CAUSES | state)
 
@@ -357,11 +357,11 @@ class HerkulexServo(VirtualServo):
     # What is to be done: plans
 
     def _begin(self, plan: Profile | Ramp) -> None:
-        if not self._driven or type(plan) is not type(self._course.plan):
+        if not self._driven or type(plan) is not type(self._trajectory.plan):
             self._position.reset()
             self._turning.reset()
-        self._course.begin(plan)
-        if self._course.moving or (isinstance(plan, Profile) and plan.start != plan.goal):
+        self._trajectory.begin(plan)
+        if self._trajectory.moving or (isinstance(plan, Profile) and plan.start != plan.goal):
             self._stop.start()
 
     def _hold(self) -> None:
@@ -381,7 +381,7 @@ class HerkulexServo(VirtualServo):
                 (self._go if jog.mode is ControlMode.POSITION else self._turn)(jog, playtime * TICK)
 
     def _go(self, jog: Jog, duration: float) -> None:
-        start, speed = self._course.position, 0.0 if jog.no_override else self._speed
+        start, speed = self._trajectory.position, 0.0 if jog.no_override else self._speed
         if start is None or jog.stop:
             self._hold()
             start = self.shaft.position
@@ -406,7 +406,7 @@ class HerkulexServo(VirtualServo):
     @property
     def _speed(self) -> float:
         """Speed of the plan, as far as the supply allows it."""
-        return max(-self.top_speed, min(self._course.speed, self.top_speed))
+        return max(-self.top_speed, min(self._trajectory.speed, self.top_speed))
 
     def _ramp_time(self, duration: float) -> float:
         return ramp_time(duration, self._value("acceleration_ratio"), self._value("max_acceleration_time"))
@@ -427,16 +427,16 @@ class HerkulexServo(VirtualServo):
         self._meter.step(count)
         self._check()
         self._stop.step(count, planned=False)
-        course = self._course
-        course.step()
+        trajectory = self._trajectory
+        trajectory.step()
         if self._driven:
-            setpoint = course.position
+            setpoint = trajectory.position
             if setpoint is None:
-                error = (course.speed - self._meter.way * self._slowest) / self._speed_unit
+                error = (trajectory.speed - self._meter.way * self._slowest) / self._speed_unit
                 self._pwm = self._stages.speed(self._turning.output(error))
             else:
                 error = round((setpoint - position) * self._per_step)
-                speed = course.speed / self._speed_unit if self._position.forward else 0.0
+                speed = trajectory.speed / self._speed_unit if self._position.forward else 0.0
                 self._pwm = self._stages.position(self._position.output(error, speed), error)
             shaft.drive(self._pwm / self._full)
         return 1
@@ -462,11 +462,11 @@ class HerkulexServo(VirtualServo):
             return False
         if not self._driven:
             return True
-        setpoint = self._course.position
-        if not self._course.over:
+        setpoint = self._trajectory.position
+        if not self._trajectory.over:
             return False
         if setpoint is None:
-            return self._course.speed == 0
+            return self._trajectory.speed == 0
         return self._position.steady(round((setpoint - self.shaft.position) * self._per_step))
 
     def _wait(self, ticks: int) -> int:

@@ -4,7 +4,7 @@
     firmware  how it answers packets and what it commands: a subclass, which the model names
     shaft     how the output follows
 
-Nothing here has a clock or a thread. Whoever owns a servo tells it the time: `advance(now)` before
+Nothing here has a clock or a thread. The owner of a servo tells it the time: `advance(now)` before
 anything is observed or heard, and as often or as rarely as pleases; the firmware counts its own ticks.
 """
 

@@ -1,4 +1,4 @@
-"""What can be seen of a virtual servo at one moment, for whoever shows or records it."""
+"""What can be seen of a virtual servo at one moment, for what shows or records it."""
 
 from dataclasses import dataclass
 

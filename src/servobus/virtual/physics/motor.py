@@ -2,7 +2,7 @@
 
     frame     everything is seen at the output shaft: positions, speeds, torques, inertias
     sign      positive speed, current, duty and torque turn the shaft towards larger positions; a torque is positive
-              if it pushes that way, whoever exerts it
+              if it pushes that way, whatever exerts it
     units     rad, rad/s, N·m, kg·m², V, A, ohm, s, degC, K/W, J/K; duty is -1 .. 1 of the supply voltage
 
     current       i = (duty * supply - K w) / R          K = gear ratio * torque constant; inductance is neglected
@@ -137,7 +137,7 @@ Circuit: TypeAlias = tuple[
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class MotionPlan:
     """What `step` needs to know; good until the parameters, the load, dt or the winding's temperature change."""
 
     circuits: tuple[Circuit, Circuit]  # with the winding OPEN and CLOSED
@@ -145,11 +145,11 @@ class Plan:
     constant: float  # N·m/A; times the velocity it is the back-emf
 
 
-def prepare(params: MotorParams, load: Load = NOTHING, *, dt: float, winding: float = REFERENCE) -> Plan:
+def prepare(params: MotorParams, load: Load = NOTHING, *, dt: float, winding: float = REFERENCE) -> MotionPlan:
     """Work out the coefficients of `step` for steps of dt seconds and a winding at a temperature in degC."""
     resistance = params.resistance_at(winding)
     opened, closed = _circuit(params, load, dt, 0.0, 0.0), _circuit(params, load, dt, 1 / resistance, resistance)
-    return Plan((opened, closed), resistance, params.constant)
+    return MotionPlan((opened, closed), resistance, params.constant)
 
 
 def _circuit(params: MotorParams, load: Load, dt: float, conductance: float, resistance: float) -> Circuit:
@@ -192,7 +192,9 @@ def _exponential(share: float, damping: float, viscous: float, inertia: float, d
     )
 
 
-def step(plan: Plan, state: MotorState, duty: float, voltage: float, closed: int = CLOSED, torque: float = 0.0) -> None:
+def step(
+    plan: MotionPlan, state: MotorState, duty: float, voltage: float, closed: int = CLOSED, torque: float = 0.0
+) -> None:
     """Let the plan's dt pass, in place.
 
     duty     -1 .. 1, of the supply voltage; 0 brakes

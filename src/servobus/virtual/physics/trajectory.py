@@ -82,7 +82,7 @@ class Ramp:
         return self.speed(time) != 0
 
 
-class PlannedMove:
+class GoalTrajectory:
     """A profile under way, counted in control loops."""
 
     def __init__(self, tick: float, plan: Profile | Ramp) -> None:

@@ -74,7 +74,7 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class FaultKind:
     """A kind of fault, for the help text and for the parser."""
 
     hits: str
@@ -158,7 +158,7 @@ class Faults:
                 case "jitter":
                     return replace(self, jitter=_time(chance))
             return replace(self, skews=(*self.skews, (*_ids(where or f"0-{LAST_ID}"), _percent(chance))))
-        about = KINDS.get(kind, Kind("", ""))
+        about = KINDS.get(kind, FaultKind("", ""))
         fault = Fault(
             kind,
             _value("WHERE", kind, where, about.where, about.place) if kind in KINDS else None,
@@ -254,20 +254,20 @@ def _which(text: str) -> Which:
 
 NO_FAULTS: Final = Faults()
 
-KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
+KINDS: Final[Mapping[str, FaultKind]] = MappingProxyType(
     {
         # In the order in which they are applied to one reply.
-        "mute": Kind("reply", "the reply is lost"),
-        "stranger": Kind("reply", "the reply bears another id, with the checksum right", _id, "the id; any other"),
-        "pair": Kind(
+        "mute": FaultKind("reply", "the reply is lost"),
+        "stranger": FaultKind("reply", "the reply bears another id, with the checksum right", _id, "the id; any other"),
+        "pair": FaultKind(
             "reply",
             "two bits of one column are flipped so that the checksum still fits",
             _number,
             "the first bit; by chance",
         ),
-        "flip": Kind("reply", "one bit is flipped", _number, "bit, the lowest of byte 0 is 0; by chance"),
-        "drop": Kind("reply", "one byte is lost", _number, "byte, the first is 0; by chance"),
-        "junk": Kind(
+        "flip": FaultKind("reply", "one bit is flipped", _number, "bit, the lowest of byte 0 is 0; by chance"),
+        "drop": FaultKind("reply", "one byte is lost", _number, "byte, the first is 0; by chance"),
+        "junk": FaultKind(
             "reply",
             "bytes that mean nothing come in, header bytes among them",
             _one_of("before", "inside", "after", number=True),
@@ -276,7 +276,7 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
             "how many, N or N-M, or which, 0xFF55; 1-64",
             (1, 64),
         ),
-        "split": Kind(
+        "split": FaultKind(
             "reply",
             "a pause within the reply; what is behind it waits too",
             _number,
@@ -285,36 +285,36 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
             "how long; 5 ms",
             0.005,
         ),
-        "glue": Kind(
+        "glue": FaultKind(
             "reply",
             "the reply is held until the next one has come, and handed over with it",
             argument=_time,
             more="how long at most; for ever",
             default=float("inf"),
         ),
-        "stall": Kind(
+        "stall": FaultKind(
             "reply",
             "the adapter stands still from the first byte on, and everything waits",
             argument=_time,
             more="how long; 120 ms",
             default=0.12,
         ),
-        "late": Kind(
+        "late": FaultKind(
             "reply",
             "the reply comes later than it should, and others overtake it",
             argument=_time,
             more="how much later; 50 ms",
             default=0.05,
         ),
-        "twin": Kind(
+        "twin": FaultKind(
             "reply",
             "a second servo of this id sends the same",
             argument=_time,
             more="how long after the first begins, overlapped if that is short; right behind it",
             default=-1.0,
         ),
-        "deaf": Kind("request", "the request is lost"),
-        "echo": Kind(
+        "deaf": FaultKind("request", "the request is lost"),
+        "echo": FaultKind(
             "request",
             "what the adapter hears of the request that it sends",
             _one_of("full", "part", "bad", "none"),
@@ -322,7 +322,7 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
             _number,
             "bytes that come (part), or the bad byte (bad); by chance",
         ),
-        "reboot": Kind(
+        "reboot": FaultKind(
             "request",
             "the supply of servos breaks down and comes back; what is in RAM is lost",
             _ids,
@@ -332,7 +332,7 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
             0.01,
             rare=True,
         ),
-        "unplug": Kind(
+        "unplug": FaultKind(
             "request",
             "servos are off the bus, without supply, while WHICH holds",
             _ids,
@@ -341,7 +341,7 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
             "how long, in place of the end of WHICH; with a probability or at a moment 0.5 s",
             0.5,
         ),
-        "gone": Kind(
+        "gone": FaultKind(
             "request",
             "the port goes away",
             _one_of("read", "write"),

@@ -16,7 +16,7 @@ from servobus.core.framing import Decoder, Framing, Packet
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.wire.faults import KINDS, Fault, Faults, Injected
 from servobus.virtual.wire.uart import EPSILON, ReceivedBytes, Transmission
-from servobus.virtual.wire.usb_delay import Adapter, Delivery, plain
+from servobus.virtual.wire.usb_delay import Delivery, UsbDelay, plain
 
 Switch: TypeAlias = Callable[[Iterable[VirtualServo], float], None]
 """Switches the supply of servos at a time in s."""
@@ -75,7 +75,7 @@ class Injector:
         """Kind -> how often it was brought about."""
         self._framing, self._family_name, self._servos = framing, name, servos
         self._plug_servos, self._unplug_servos = plug, unplug
-        self._adapter = Adapter(wire, faults.latency, now)
+        self._adapter = UsbDelay(wire, faults.latency, now)
         names = list(KINDS)
         seed = f"{faults.seed}/{name}"
         dice = [Dice(fault, f"{seed}/{number}/{fault.kind}") for number, fault in enumerate(faults.faults)]

@@ -38,7 +38,7 @@ def plain(data: bytes) -> Delivery:
     return Delivery([bytes((byte,)) for byte in data])
 
 
-class Adapter:
+class UsbDelay:
     """Takes what arrives and hands it over in its own time.
 
     `latency` is the time in s after which a piece is handed over, from its first byte on; `wire` holds the waves

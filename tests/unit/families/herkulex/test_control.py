@@ -8,11 +8,11 @@ from servobus.families.herkulex.control import (
     CHANGE,
     LONGEST_SUM,
     UNIT,
+    OverloadTimer,
     PositionControl,
     SpeedControl,
     Speedometer,
     Stages,
-    Watchdog,
 )
 
 TICK = UNIT / 4
@@ -126,7 +126,7 @@ def test_speedometer() -> None:
 
 
 def test_watch() -> None:
-    watch = Watchdog()
+    watch = OverloadTimer()
     watch.limit = 2
     assert [watch.step(wrong) for wrong in (True, True, False, True, True, True, True)] == [
         *[False] * 5,

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from servobus.virtual.physics.trajectory import PlannedMove, Profile, Ramp, StepCounter, StopDetection, ramp_time
+from servobus.virtual.physics.trajectory import GoalTrajectory, Profile, Ramp, StepCounter, StopDetection, ramp_time
 
 finite = st.floats(-1e4, 1e4)
 shares = st.floats(0.05, 0.5)
@@ -103,7 +103,7 @@ def test_ramp_time() -> None:
 
 
 def test_a_course_counts_loops() -> None:
-    course = PlannedMove(0.5, Profile(0.0, 4.0, 2.0))
+    course = GoalTrajectory(0.5, Profile(0.0, 4.0, 2.0))
     seen = []
     for _ in range(6):
         seen.append((course.position, course.speed, course.over))
