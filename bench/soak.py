@@ -164,7 +164,7 @@ class Chunk:
                 real.memory.store(self.model.register("answer_level"), Answers.EVERYTHING)
                 real.power_on(0.0)
             level = Answers.EVERYTHING if self.acknowledged else Answers.READS
-            self.bus.attach(self.model, real.id, answers=level).notes.most = None  # nothing wears out here
+            self.bus.attach(self.model, real.id, answers=level).target.record.most = None  # nothing wears out here
         self.port.inject(f"seed={self.random.randrange(10**6)},{faults}")
         self.tally = ServoTraffic()
         self.doubt: Doubt | None = None

@@ -13,10 +13,11 @@ from typing import Any
 import pytest
 
 import servobus
-from servobus import RX28, Bus, deg
+from servobus import Bus, deg
 from servobus.bus.asyncio import AsyncBus
 from unit.served import PATIENCE, Arm
 
+IDS = range(1, 5)
 OTHER = 3
 """Id of the servo that the other client reads."""
 MOST = 200
@@ -27,7 +28,7 @@ ASYNC_JOBS: dict[str, Callable[[AsyncBus], Awaitable[Any]]] = {
     "look": lambda bus: bus[1].look(),
     "read_all": lambda bus: bus.read_all("present_position"),
     "move": lambda bus: bus.move({1: 150 * deg + 0.01}, time=0.12).wait(),
-    "scan": lambda bus: bus.scan(family="dynamixel", bauds=[57_600], ids=range(1, 6)),
+    "scan": lambda bus: bus.scan(family="dynamixel", ids=range(1, 6)),
     "verify": lambda bus: bus[1].verify(),
 }
 JOBS: dict[str, Callable[[Bus], Any]] = {
@@ -35,7 +36,7 @@ JOBS: dict[str, Callable[[Bus], Any]] = {
     "look": lambda bus: bus[1].look(),
     "read_all": lambda bus: bus.read_all("present_position"),
     "move": lambda bus: bus.move({1: 150 * deg + 0.01}, time=0.12).wait(),
-    "scan": lambda bus: bus.scan(family="dynamixel", bauds=[57_600], ids=range(1, 6)),
+    "scan": lambda bus: bus.scan(family="dynamixel", ids=range(1, 6)),
     "verify": lambda bus: bus[1].verify(),
 }
 
@@ -61,8 +62,8 @@ def test_a_task_cancelled_at_each_await(arm: Arm, name: str) -> None:
 
 async def _cancel_at_each(arm: Arm, job: Callable[[AsyncBus], Awaitable[Any]]) -> None:
     async with servobus.open_async(arm.name, echo=False) as bus:
-        for id in range(1, 5):
-            await bus.attach(RX28, id).ping()
+        for id in IDS:
+            bus.attach(servobus.RX28, id)
         await bus[1].torque_on()
         row, expected, polls = bus[OTHER].model.register("present_position"), truth(arm), 0
 
@@ -124,8 +125,8 @@ def _counted(owner: Any, name: str, count: Callable[[], None]) -> None:
 def test_ctrl_c_at_each_wait(arm: Arm, name: str) -> None:
     job, expected = JOBS[name], truth(arm)
     with servobus.open(arm.name, echo=False) as bus:
-        for id in range(1, 5):
-            bus.attach(RX28, id).ping()
+        for id in IDS:
+            bus.attach(servobus.RX28, id)
         bus[1].torque_on()
         row = bus[OTHER].model.register("present_position")
         stop, wrong = threading.Event(), list[object]()

@@ -190,7 +190,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
             try:
                 heard = await self._read(window)
             except BaseException:
-                link.abandon(job)
+                link.abandon()
                 raise
             if link.superseded:
                 link.check()

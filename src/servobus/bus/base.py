@@ -480,6 +480,7 @@ class BaseBus(Closed, Generic[S]):
             fences=self._fences,
             alarmed=self._servos.alarmed,
             stats=stats,
+            contended=lambda: self.line.contended,
         )
 
     def _reopened(self) -> None:
@@ -501,4 +502,4 @@ class BaseBus(Closed, Generic[S]):
         baud = self.transport.baud
         for servo in self._servos:
             if servo.id == packet.id and servo.baud == baud and servo.family.framing is exchange.framing:
-                servo.note_alarms(exchange.alarms(packet))
+                self._servos.note_alarms(servo, exchange.alarms(packet))

@@ -152,7 +152,7 @@ class Bus(Blocking, BaseBus[BusServo]):
             try:
                 heard = self.transport.read(window)
             except BaseException:
-                link.abandon(job)
+                link.abandon()
                 raise
             if link.superseded:
                 link.check()

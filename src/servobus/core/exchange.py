@@ -222,10 +222,13 @@ class Batch:
     gives a list: for each exchange its result, or the BusError that came of it.
 
     again   whether what did not come through is asked again, if it is repeatable
+    yields  whether it ends early where another job waits for the line: then the list is shorter, and the exchanges
+            without an outcome were not sent
     """
 
     exchanges: Sequence[Exchange[Any]]
     again: bool = True
+    yields: bool = False
 
 
 Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Now | Batch

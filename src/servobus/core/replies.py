@@ -127,6 +127,15 @@ class ReplyCollector:
         self._given_up[n] = error
         self._open -= 1
 
+    def cut(self, sent: int) -> None:
+        """Expect nothing of the exchanges from this number on: they were not sent."""
+        kept = sum(owner < sent for owner in self.owners)
+        self.exchanges = self.exchanges[:sent]
+        for listed in (self.expected, self.owners, self.packets):
+            del listed[kept:]
+        self._places = {id: [n for n in places if n < kept] for id, places in self._places.items()}
+        self._open = sum(packet is None and n not in self._given_up for n, packet in enumerate(self.packets))
+
     def size_until(self, n: int) -> int:
         """Give the size in bytes of a reply that came, with those of the same exchange that came before it."""
         exchange = self.expected[n][0]

@@ -121,7 +121,7 @@ def _speeds(port: str, found: list[FoundServo]) -> Finding:
         common_baud = counts.most_common(1)[0][0]
         odd += [(one, common_baud) for one in members if one.baud != common_baud]
         for baud in sorted(counts):
-            factory = registry.factory_bauds(family)
+            factory = _factory_bauds(family, [one for one in members if one.baud == baud])
             unusual = "" if baud in factory else f" (from the factory {' or '.join(map(str, factory))})"
             said.append(f"{family.name} at {baud}{unusual}")
     what = ", ".join(said)
@@ -135,6 +135,12 @@ def _speeds(port: str, found: list[FoundServo]) -> Finding:
         for one, common_baud in odd[:SHOWN]
     )
     return Finding(Level.WARN, "speed", what, cause, mend)
+
+
+def _factory_bauds(family: Family, found: list[FoundServo]) -> tuple[int, ...]:
+    """Give the speeds that these servos had from the factory, as far as their models are known."""
+    known = dict.fromkeys(one.model.factory_baud for one in found if one.model is not None)
+    return tuple(known) or registry.factory_bauds(family)
 
 
 def _unclear_answers(port: str, result: SearchResult) -> Iterator[Finding]:

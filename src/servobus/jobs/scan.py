@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from servobus.core.exchange import Batch, Exchange, Procedure, SetBaud
+from servobus.core.exchange import Batch, Exchange, Pause, Procedure, SetBaud
 from servobus.core.ids import LAST_ID, check_id
 from servobus.core.values import frozen
 from servobus.errors import BusError, NoReply
@@ -111,7 +111,9 @@ def by_number(family: Family, _id: int, _baud: int, number: int | None) -> type[
 
 
 AT_ONCE = 16
-"""Ids that a scan asks before it looks at the answers."""
+"""Ids that a scan asks before it looks at the answers, if nothing else waits for the line."""
+GIVE_WAY = Pause(0.0, shared=True)
+"""A scan takes seconds: whatever else waits for the line comes first, between any two ids."""
 
 Watcher = Callable[[ScanProgress], None]
 
@@ -137,15 +139,18 @@ def scan(
         yield SetBaud(baud)
         for start in range(0, len(wanted), AT_ONCE):
             some = wanted[start : start + AT_ONCE]
-            # A scan mostly meets silence: it does not ask twice, but where something was heard.
-            answers = yield Batch([family.ping(id).no_retry() for id in some])
-            for id, answer in zip(some, answers, strict=True):
-                done += 1
-                found = None
-                if not isinstance(answer, NoReply):
-                    found = yield from _met(family, id, baud, survey, identify)
-                if watch is not None:
-                    watch(ScanProgress(done, len(rounds) * len(wanted), family, baud, id, found))
+            while some:
+                # A scan mostly meets silence: it does not ask twice, but where something was heard.
+                answers = yield Batch([family.ping(id).no_retry() for id in some], yields=True)
+                for id, answer in zip(some, answers, strict=False):
+                    yield GIVE_WAY
+                    done += 1
+                    found = None
+                    if not isinstance(answer, NoReply):
+                        found = yield from _met(family, id, baud, survey, identify)
+                    if watch is not None:
+                        watch(ScanProgress(done, len(rounds) * len(wanted), family, baud, id, found))
+                some = some[len(answers) :]
     return survey
 
 

@@ -49,22 +49,17 @@ from servobus.core.exchange import Batch, Exchange, Job, Now, Pause, ReplyPatter
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.replies import ReplyCollector
-from servobus.core.values import frozen
-from servobus.errors import BrokenEcho, BusError, LineBusy, NoReply, Stopped
+from servobus.errors import BrokenEcho, BusError, LineBusy, Stopped
+from servobus.link.asking import Asking
 from servobus.link.fence import fenced
-from servobus.link.line_clock import LineClock
-from servobus.link.pipeline import Pipeline, is_lost
+from servobus.link.line_clock import LineClock, Timing
+from servobus.link.pipeline import Pipeline
 from servobus.link.reply_log import ReplyLog
 from servobus.link.stats import Counts, Stats
 from servobus.link.waits import Receive, Rest, Waits
 from servobus.transports.base import Transport
 
 T = TypeVar("T")
-
-TRIES = 2
-"""How often a question is asked at most."""
-DEADLINE = 0.5
-"""s after which a question is not asked again."""
 
 NOT_FAST: Final = object()
 """What `try_fast_receive` gives where a longer look is needed."""
@@ -82,18 +77,6 @@ class State(Enum):
 IDLE, CAREFUL, WAITING, UNSURE = State.IDLE, State.CAREFUL, State.WAITING, State.UNSURE
 
 
-@frozen
-class _Timing:
-    """What the fast path needs to know of an exchange at one speed."""
-
-    exchanges: tuple[Exchange[Any]]
-    window: float
-    """s from the first bit of the request to the last of the reply, at most."""
-    wire: float
-    """s of these that the bits take."""
-    counts: Counts
-
-
 class Link:
     """A port in use: its speed, its echo, its delays, and what may still be under way on it.
 
@@ -101,6 +84,7 @@ class Link:
     fences   gives harmless questions to a servo whose answers differ in shape
     alarmed  servos whose last reply had an alarm in it: that it is over must be told too
     stats    counters to go on with
+    contended  tells whether another job waits for the line
     """
 
     def __init__(
@@ -112,6 +96,7 @@ class Link:
         fences: Callable[[Framing, int], Sequence[Exchange[Any]]],
         alarmed: Collection[object] = (),
         stats: Stats | None = None,
+        contended: Callable[[], bool] = lambda: False,
     ) -> None:
         self.transport = transport
         self.state = CAREFUL
@@ -124,6 +109,8 @@ class Link:
         self.log = ReplyLog(transport, self._clock, heard, alarmed, stats)
         self.latency = self.log.latency
         self._pipeline = Pipeline()
+        self._asking = Asking(transport, self._clock, self.log, self._pipeline, self._attempt, contended)
+        self._contended = contended
         self._probing = False
         """Whether a request that looks like its own reply came back: from now on a probe goes before such requests."""
         self._under_way: Sequence[Exchange[Any]] = ()
@@ -132,8 +119,8 @@ class Link:
         """Time at which the last reply must be here."""
         self._began = 0.0
         """Time at which the fast path sent its request."""
-        self._timings: dict[Exchange[Any], _Timing] = {}
-        self._timing = _Timing((), 0.0, 0.0, Counts())  # type: ignore[arg-type] # nothing was asked yet
+        self._timings: dict[Exchange[Any], Timing] = {}
+        self._timing = Timing((), 0.0, 0.0, Counts())
 
     @property
     def stats(self) -> Stats:
@@ -173,13 +160,17 @@ class Link:
         if isinstance(step, Exchange):
             return (yield from self.transact(step))
         if isinstance(step, Batch):
-            return (yield from self._batch(step))
+            return (yield from self._asking.batch(step, several=self.echo is not None))
         if isinstance(step, Now):
             return self.transport.now()
         if isinstance(step, Pause):
             yield from self._until(self._clock.clear_at)
             yield Rest(step.seconds, step.shared)
         return None
+
+    def transact(self, exchange: Exchange[T], begun: bytes | None = None) -> Waits[T]:
+        """Ask, and ask again where that is allowed. `begun` is what was heard if it is sent already."""
+        return self._asking.until_answered(exchange, begun)
 
     def set_baud(self, baud: int) -> Waits[None]:
         """Talk at this speed from now on, if need be after our last bytes have left."""
@@ -204,7 +195,13 @@ class Link:
         self.superseded = True
         log = self.log
         link = Link(
-            self.transport, echo=self.echo, heard=log.heard, fences=self._fences, alarmed=log.alarmed, stats=log.stats
+            self.transport,
+            echo=self.echo,
+            heard=log.heard,
+            fences=self._fences,
+            alarmed=log.alarmed,
+            stats=log.stats,
+            contended=self._contended,
         )
         link.state = UNSURE
         link.log.follow(log)
@@ -258,88 +255,33 @@ class Link:
             self.log.heard(exchange, packet)
         return exchange.interpret(packet)  # type: ignore[no-any-return] # it is a T: this is no GroupExchange
 
-    def abandon(self, exchange: Exchange[Any]) -> None:
+    def abandon(self) -> None:
         """Say that the wait for the reply to what `try_fast_send` sent has ended: the reply may still come."""
-        self.log.note_under_way((exchange,))
+        self._clock.note_began(self._began, sum(len(exchange.request) for exchange in self._under_way))
+        self._clock.note_broken_off(self._began + self._timing.window)
+        self.log.note_under_way(self._under_way)
         self._settle()
 
-    def _time(self, exchange: Exchange[Any]) -> _Timing:
+    def _time(self, exchange: Exchange[Any]) -> Timing:
         """Work out the times of an exchange at the present speed, once."""
         if len(self._timings) > 1000:
             self._timings.clear()  # the program makes its questions anew each time
-        request = len(exchange.request) * self._clock.byte_time
-        window = request + self._clock.longest_answer(exchange)
-        wire = request + exchange.reply_size * self._clock.byte_time
-        timing = self._timings[exchange] = _Timing((exchange,), window, wire, self.log.counts(exchange, exchange.id))
-        self._clock.note_use()
+        timing = self._timings[exchange] = self._clock.timing(exchange, self.log.counts(exchange, exchange.id))
         return timing
 
-    # Questions, the long way
-
-    def transact(self, exchange: Exchange[T], begun: bytes | None = None) -> Waits[T]:
-        """Ask, and ask again where that is allowed. `begun` is what was heard if it is sent already."""
-        started = self.transport.now()
-        best: Any = None
-        for attempt in range(TRIES):
-            if attempt:
-                self.log.counts(exchange, exchange.id).retries += 1
-                yield from self._until(self._clock.forgotten_at(exchange.framing))
-            outcome = yield from self._ask_once(exchange, begun)
-            best = outcome if attempt == 0 else _better(best, outcome)
-            begun = None
-            if not (is_lost(outcome) and exchange.repeatable and self.transport.now() - started <= DEADLINE):
-                break
-        if isinstance(best, BusError):
-            raise best
-        done: T = best
-        return done
-
-    def _batch(self, batch: Batch) -> Waits[list[Any]]:
-        """Ask as many at once as the line allows; one by one, what did not come through."""
-        outcomes: list[Any] = []
-        rest = batch.exchanges
-        while rest:
-            count = 1 if self.echo is None else self._pipeline.together(rest, self.log.doubtful)
-            some, rest = rest[:count], rest[count:]
-            if count == 1:
-                outcome = yield from self._outcome(some[0], again=batch.again)
-                self._pipeline.learn_alone(outcome)
-                outcomes.append(outcome)
-                continue
-            try:
-                found = yield from self._attempt(some)
-            except BusError as error:  # nothing was sent
-                outcomes += [error] * count
-                continue
-            for n, exchange in enumerate(some):
-                if batch.again and exchange.repeatable and is_lost(found[n]):
-                    self.log.counts(exchange, exchange.id).retries += 1
-                    found[n] = yield from self._outcome(exchange, again=True)
-            outcomes += found
-        return outcomes
-
-    def _outcome(self, exchange: Exchange[Any], *, again: bool) -> Waits[Any]:
-        """Ask one question, and give what went wrong instead of raising it."""
-        if not again:
-            return (yield from self._ask_once(exchange))
-        try:
-            return (yield from self.transact(exchange))
-        except BusError as error:
-            return error
-
-    def _ask_once(self, exchange: Exchange[Any], begun: bytes | None = None, *, fence: bool = False) -> Waits[Any]:
-        try:
-            (outcome,) = yield from self._attempt((exchange,), begun, fence=fence)
-        except BusError as error:
-            return error
-        return outcome
+    # The long way: one attempt at one or several questions
 
     def _attempt(
-        self, exchanges: Sequence[Exchange[Any]], begun: bytes | None = None, *, fence: bool = False
+        self,
+        exchanges: Sequence[Exchange[Any]],
+        begun: bytes | None = None,
+        *,
+        fence: bool = False,
+        yields: bool = False,
     ) -> Waits[list[Any]]:
         """Send one or several questions and wait for their replies; give a result or a BusError for each.
 
-        Raises the BusError that kept them from being sent.
+        Raises the BusError that kept them from being sent. See `Attempt`.
         """
         refused: dict[int, BusError] = {}
         if begun is None:
@@ -355,9 +297,9 @@ class Link:
         unsure = False
         try:
             if begun is None:
-                yield from self._send_all(collector, left)
+                yield from self._send_all(collector, left, yields=yields)
             else:
-                self._clock.clear_at = self._began + len(collector.sent) * self._clock.byte_time
+                self._clock.note_began(self._began, len(collector.sent))
                 self._deadline = self._began + self._timing.window + self.latency.reply_margin
                 left.append(self._clock.clear_at)
                 self._take(collector, begun, left)
@@ -368,6 +310,8 @@ class Link:
             self.log.note_missed(collector.missing)  # they may still come, even if the wait for them was closed
             if collector.packets and collector.packets[-1] is not None:
                 self._clock.note_answered()
+            elif not collector.done:
+                self._clock.note_broken_off(self._deadline - self.latency.reply_margin)
             self._settle(unsure=unsure)
 
     def _with_probe(self, exchanges: Sequence[Exchange[Any]], begun: bytes | None) -> bytes:
@@ -381,8 +325,11 @@ class Link:
             return exchange.framing.probe + exchange.request
         return exchange.request
 
-    def _send_all(self, collector: ReplyCollector, left: list[float]) -> Waits[None]:
-        """Send the questions so that no two replies can meet; note when each request has left."""
+    def _send_all(self, collector: ReplyCollector, left: list[float], *, yields: bool) -> Waits[None]:
+        """Send the questions so that no two replies can meet; note when each request has left.
+
+        With `yields` those that are left are not sent as soon as another job waits for the line.
+        """
         exchanges, clock = collector.exchanges, self._clock
         self._under_way = exchanges
         if len(exchanges) == 1:
@@ -398,6 +345,9 @@ class Link:
                     due = clock.clear_at + self._pipeline.answered_within(exchanges[n - 1], clock.byte_time)
                     yield from self._receive(collector, due, left, wanted=n - 1)
                     yield from self._until(clock.clear_at)
+                    if yields and n > 1 and self._contended():
+                        collector.cut(n)
+                        break
                 self._send((exchange,), exchange.request)
                 left.append(clock.clear_at)
 
@@ -439,19 +389,20 @@ class Link:
     def _sort_arrivals(
         self, collector: ReplyCollector, arrivals: Sequence[tuple[int | None, Packet]], left: Sequence[float]
     ) -> None:
+        """Take note of packets, and refuse those that come sooner than they can."""
+        framing, byte_time = collector.exchanges[0].framing, self._clock.byte_time
         for n, packet in arrivals:
-            exchange = collector.exchanges[0] if n is None else collector.expected[n][0]
             if n is None:
-                self.log.note_stray(exchange.framing, packet)
+                self.log.note_stray(framing, packet)
                 continue
-            now, byte_time = self.transport.now(), self._clock.byte_time
-            size = collector.size_until(n)
-            late = now - left[collector.owners[n]] - size * byte_time
-            if self.latency.impossible(late, (len(exchange.request) + size) * byte_time):
+            (exchange, reply), owner, size = collector.expected[n], collector.owners[n], collector.size_until(n)
+            sent = owner < len(left)
+            late = self.transport.now() - left[owner] - size * byte_time if sent else 0.0
+            if not sent or self.latency.impossible(late, (len(exchange.request) + size) * byte_time):
                 collector.reject(n)  # an older reply, or one more to what was asked before
-                self.log.note_stray(exchange.framing, packet)
+                self.log.note_stray(framing, packet)
             else:
-                self.log.note_reply(exchange, collector.expected[n][1], packet, late)
+                self.log.note_reply(exchange, reply, packet, late)
 
     def _judge(self, collector: ReplyCollector, older: Sequence[int], left: Sequence[float]) -> tuple[list[Any], bool]:
         """Give the outcomes of what was collected, and whether bytes may come that belong to no request."""
@@ -491,8 +442,7 @@ class Link:
         """
         self.check()
         if self.state is WAITING:  # the fast path was broken off before it could say so
-            self.log.note_under_way(self._under_way)
-            self._settle()
+            self.abandon()
         until = self._clock.clear_at
         if not all(exchange.repeatable for exchange in exchanges):
             # What is not sent twice must not meet a servo that still takes bytes of another speed for a packet.
@@ -537,7 +487,7 @@ class Link:
         fences = self._fences(exchange.framing, id) if id != BROADCAST else ()
 
         def ask(fence: Exchange[Any]) -> Waits[Any]:
-            return self._ask_once(fence, fence=True)
+            return self._asking.once(fence, fence=True)
 
         return (yield from fenced(exchange, reply, fences, self.log, ask, self.transport.now))
 
@@ -545,12 +495,3 @@ class Link:
         """Leave WAITING."""
         careful = self.echo is not False or self.log.uneasy or self._clock.clear_at
         self.state = UNSURE if unsure else CAREFUL if careful else IDLE
-
-
-def _better(old: Any, new: Any) -> Any:
-    """Choose between the outcomes of two tries: what was understood, and of two errors not silence, which says less."""
-    if isinstance(old, list):
-        return [_better(*pair) for pair in zip(old, new, strict=True)] if isinstance(new, list) else old
-    if not is_lost(old) or (is_lost(new) and isinstance(new, NoReply)):
-        return old
-    return new

@@ -8,7 +8,7 @@ import servobus
 from servobus import LX16A, RX28, BadValue, UnknownName, UsageError, deg
 from servobus.families import registry
 from servobus.jobs.scan import Models
-from unit.cli.test_model import AX99, LX99
+from unit.cli.test_model import AX912, LX924
 
 SPEC = "virtual:lx16a@1,2,rx28@1?clock=virtual"
 
@@ -16,9 +16,9 @@ SPEC = "virtual:lx16a@1,2,rx28@1?clock=virtual"
 @pytest.fixture(autouse=True)
 def more_models() -> Iterator[None]:
     """Let the registry know two models more."""
-    registry.add(LX99, AX99)
+    registry.add(LX924, AX912)
     yield
-    for model in (LX99, AX99):
+    for model in (LX924, AX912):
         del registry.MODELS.entries[model.key()]
 
 
@@ -26,11 +26,11 @@ def more_models() -> Iterator[None]:
     ("models", "expected"),
     [
         (None, [LX16A, LX16A, RX28]),
-        ("lx99", [LX99, LX99, RX28]),
-        (LX99, [LX99, LX99, RX28]),
-        ({1: "lx99"}, [LX99, LX16A, RX28]),
-        ({2: LX99, 7: "rx28"}, [LX16A, LX99, RX28]),
-        ("ax99", [LX16A, LX16A, RX28]),  # an RX-28 says that it is one
+        ("lx924", [LX924, LX924, RX28]),
+        (LX924, [LX924, LX924, RX28]),
+        ({1: "lx924"}, [LX924, LX16A, RX28]),
+        ({2: LX924, 7: "rx28"}, [LX16A, LX924, RX28]),
+        ("ax912", [LX16A, LX16A, RX28]),  # an RX-28 says that it is one
     ],
 )
 def test_what_cannot_say_it_is_what_it_is_said_to_be(models: Models | None, expected: list[type]) -> None:
@@ -51,10 +51,10 @@ def test_models_are_checked_before_the_port_is_opened() -> None:
 
 def test_attach_wins_over_guesses_and_the_object_stays() -> None:
     with servobus.open(SPEC) as bus:
-        mine = bus.attach(LX99, 1)
+        mine = bus.attach(LX924, 1)
         found = bus.scan(family="lewansoul", ids=range(3))
         assert found[0] is mine
-        assert [servo.model for servo in found] == [LX99, LX16A]
+        assert [servo.model for servo in found] == [LX924, LX16A]
         assert bus.survey.conflicts == []
         assert mine.state is not None
         mine.torque_on()
@@ -64,12 +64,12 @@ def test_attach_wins_over_guesses_and_the_object_stays() -> None:
 
 def test_attach_wins_over_models() -> None:
     with servobus.open(SPEC, models="lx16a") as bus:
-        assert bus.attach(LX99, 2) is bus.find(2, family="lewansoul")
-        assert bus.find(2, family="lewansoul").model is LX99
+        assert bus.attach(LX924, 2) is bus.find(2, family="lewansoul")
+        assert bus.find(2, family="lewansoul").model is LX924
 
 
 def test_a_servo_that_says_something_else_is_told_of_and_stays() -> None:
-    with servobus.open("virtual:ax99@1?clock=virtual") as bus:
+    with servobus.open("virtual:ax912@1?clock=virtual") as bus:
         mine = bus.attach(RX28, 1, baud=1_000_000)
         (found,) = bus.scan(ids=range(3))
         assert found is mine
@@ -77,32 +77,32 @@ def test_a_servo_that_says_something_else_is_told_of_and_stays() -> None:
         assert mine.state is None  # it was not looked at as what it is not
         (conflict,) = bus.survey.conflicts
         assert str(conflict) == (
-            "id 1 at 1000000 baud was attached as RX-28 and says that it is AX-99; "
+            "id 1 at 1000000 baud was attached as RX-28 and says that it is AX-912; "
             "it stays RX-28 until it is attached anew"
         )
-        anew = bus.attach(AX99, 1)
+        anew = bus.attach(AX912, 1)
         assert bus.scan(ids=range(3)) == [anew]
         assert bus.survey.conflicts == []
 
 
 def test_a_number_that_nobody_knows() -> None:
-    with servobus.open("virtual:ax99@1?clock=virtual") as bus:
-        bus.transport.servos[0].memory[AX99.model_number] = 4242  # type: ignore[attr-defined] # a virtual port
+    with servobus.open("virtual:ax912@1?clock=virtual") as bus:
+        bus.transport.servos[0].memory[AX912.model_number] = 4242  # type: ignore[attr-defined] # a virtual port
         assert bus.scan(ids=[1]) == []
         with pytest.raises(servobus.BusError, match=r"model 4242, which is not known here; .*models="):
             bus.find(1)
-        bus.models = "ax99"
-        assert bus.find(1).model is AX99
+        bus.models = "ax912"
+        assert bus.find(1).model is AX912
 
 
-def test_a_model_of_thirty_lines() -> None:
-    with servobus.open("virtual:ax99@1,2?clock=virtual") as bus:
+def test_a_model_of_thirty_lines_is_all_there() -> None:
+    with servobus.open("virtual:ax912@1,2?clock=virtual") as bus:
         one, two = bus.scan(ids=range(4))
-        assert str(one).startswith("AX-99 id 1 at 1000000: 149.9°, 11.1 V")
+        assert str(one).startswith("AX-912 id 1 at 1000000: 149.9°, 11.1 V")
         with one.torque(), two.torque():
             bus.move({one: 60 * deg, two: 240 * deg}, speed=60 * deg).wait()
             assert one.read(RX28.present_position) == pytest.approx(60 * deg, abs=2 * deg)
-        assert one.read(AX99.max_temperature) == 70
+        assert one.read(AX912.max_temperature) == 70
         one.change_baud(57_600)
         one.change_id(5)
         one.reset()

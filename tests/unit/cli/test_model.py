@@ -11,14 +11,14 @@ from servobus.families.model import Performance, SpecSheet
 from unit.cli.conftest import Run
 
 
-class LX99(LX16A):
-    title = "LX-99"
+class LX924(LX16A):
+    title = "LX-924"
 
 
-class AX99(RX28):
-    """What an AX-12A differs in from an RX-28, under a name that no servo has. Source: ROBOTIS e-manual, AX-12A."""
+class AX912(RX28):
+    """The AX-12A of the ROBOTIS e-manual, under a name and a number that no real model has."""
 
-    title, number, factory_baud = "AX-99", 99, 1_000_000
+    title, number, factory_baud = "AX-912", 912, 1_000_000
     sheet = SpecSheet(
         maker="ROBOTIS",
         performance=(Performance(12.0, 1.5, 354 * deg),),
@@ -42,36 +42,36 @@ LX = "virtual:lx16a@1,2,rx28@3?clock=virtual"
 
 @pytest.fixture(autouse=True)
 def more_models() -> Iterator[None]:
-    registry.add(LX99, AX99)
+    registry.add(LX924, AX912)
     yield
-    for model in (LX99, AX99):
+    for model in (LX924, AX912):
         del registry.MODELS.entries[model.key()]
 
 
 def test_it_says_what_a_servo_is(run: Run, load: Callable[..., Any]) -> None:
-    assert load("info", LX, 1, "--model", "lx99")["model"] == "lx99"
+    assert load("info", LX, 1, "--model", "lx924")["model"] == "lx924"
     assert load("info", LX, 1)["model"] == "lx16a"
-    found = load("scan", LX, "--ids", "0-4", "--model", "LX-99")
-    assert [(one["model"], one["id"]) for one in found] == [("lx99", 1), ("lx99", 2)]
-    assert "LX-99 id 1" in run("move", LX, "1=90", "2=90", "--model", "lx99").stdout
-    assert "LX-99 id 2: torque off" in run("torque", LX, 2, "off", "--model", "lx99").stdout
-    assert "LX-99 id 1 stopped" in run("stop", LX, "all", "--model", "lx99").stdout
-    assert "LX-99 ids 1, 2" in run("doctor", LX, "--ids", "0-4", "--reads", 20, "--model", "lx99").stdout
+    found = load("scan", LX, "--ids", "0-4", "--model", "LX-924")
+    assert [(one["model"], one["id"]) for one in found] == [("lx924", 1), ("lx924", 2)]
+    assert "LX-924 id 1" in run("move", LX, "1=90", "2=90", "--model", "lx924").stdout
+    assert "LX-924 id 2: torque off" in run("torque", LX, 2, "off", "--model", "lx924").stdout
+    assert "LX-924 id 1 stopped" in run("stop", LX, "all", "--model", "lx924").stdout
+    assert "LX-924 ids 1, 2" in run("doctor", LX, "--ids", "0-4", "--reads", 20, "--model", "lx924").stdout
 
 
 def test_its_factory_speed_is_asked_alone(run: Run) -> None:
-    port = "virtual:ax99@1,rx28@2?clock=virtual"
-    assert "AX-99 id 1 at 1000000" in run("scan", port, "--ids", "0-3", "--model", "ax99").stdout
-    assert "RX-28" not in run("scan", port, "--ids", "0-3", "--model", "ax99").stdout
-    assert "AX-99 id 1 at 1000000" in run("scan", port, "--ids", "0-3").stdout
+    port = "virtual:ax912@1,rx28@2?clock=virtual"
+    assert "AX-912 id 1 at 1000000" in run("scan", port, "--ids", "0-3", "--model", "ax912").stdout
+    assert "RX-28" not in run("scan", port, "--ids", "0-3", "--model", "ax912").stdout
+    assert "AX-912 id 1 at 1000000" in run("scan", port, "--ids", "0-3").stdout
     assert "torque off: told every servo (dynamixel at 1000000)" in (
-        run("torque", port, "all", "off", "--model", "ax99").stdout
+        run("torque", port, "all", "off", "--model", "ax912").stdout
     )
 
 
 def test_what_the_servo_says_itself_counts_more(refused: Callable[..., str]) -> None:
-    port = "virtual:ax99@1?clock=virtual&baud=57600"
-    assert "id 1 says that it is AX-99, not RX-28" in refused("read", port, 1, "led", "--model", "rx28")
+    port = "virtual:ax912@1?clock=virtual&baud=57600"
+    assert "id 1 says that it is AX-912, not RX-28" in refused("read", port, 1, "led", "--model", "rx28")
 
 
 def test_it_is_checked_before_the_port_is_opened(refused: Callable[..., str]) -> None:

@@ -19,7 +19,6 @@ from servobus.virtual.serve.inprocess import VirtualPort
 from unit.scripted import Scripted
 
 FACTORY = [(family, factory_bauds(family)) for family in FAMILIES.values()]
-SPEEDS = " or ".join(map(str, factory_bauds(RX28.family)))
 
 
 def told(findings: Iterator[Finding] | list[Finding]) -> dict[str, Finding]:
@@ -149,7 +148,7 @@ class TestServos:
         dynamixel = FAMILIES["dynamixel"]
         plan = Plan(FACTORY, [(dynamixel, (19_200,)), (dynamixel, (500_000,)), (dynamixel, (9_600,))], range(3), 0)
         findings = told(visit("rx28@1?clock=virtual&baud=500000", plan=plan))
-        assert findings["speed"].what == f"dynamixel at 500000 (from the factory {SPEEDS})"
+        assert findings["speed"].what == f"dynamixel at 500000 (from the factory {RX28.factory_baud})"
         assert findings["speed"].cause == "other commands find them with --baud 500000"
 
     def test_different_speeds_on_one_wire(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -158,7 +157,9 @@ class TestServos:
         monkeypatch.setattr(connect, "open", lambda _: Bus(port))
         plan = Plan([(FAMILIES["dynamixel"], (57_600, 500_000))], ids=range(5), reads=30)
         findings = told(examine("virtual:", plan))
-        assert findings["speed"].what == f"dynamixel at 57600, dynamixel at 500000 (from the factory {SPEEDS})"
+        assert (
+            findings["speed"].what == f"dynamixel at 57600, dynamixel at 500000 (from the factory {RX28.factory_baud})"
+        )
         assert findings["speed"].mend == (f"servobus set-baud '{port.name}' 3 57600 --family dynamixel --baud 500000",)
         assert findings["reads"].what.startswith("30, none lost")
 

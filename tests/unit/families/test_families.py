@@ -8,7 +8,8 @@ import pytest
 from samples import ends, factory_answers, goal_range, sample_of, zero
 from servobus import DRS0602, LX16A, MODELS, RX28, BadValue, deg, dynamixel1, herkulex
 from servobus.core.exchange import Exchange
-from servobus.families.base import Answers, AxisMove, KnownServo, Model, ServoRef
+from servobus.families.base import Answers, AxisMove, Family, KnownServo, Model, ServoRef
+from servobus.families.registry import FAMILIES
 from unit.lossy import ASYNC, SYNC, Bench
 
 
@@ -154,3 +155,9 @@ def test_a_herkulex_counts_more_than_one_turn() -> None:
         assert bench.do(lambda servo: servo.read(DRS0602.present_position)) == pytest.approx(
             turns * 360 * deg, abs=1 * deg
         )
+
+
+@pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
+def test_packets_are_named_after_their_family(family: Family) -> None:
+    """Counters are kept under the name of the packets, users ask for them under that of the family."""
+    assert family.framing.name == family.name

@@ -23,9 +23,9 @@ from servobus.virtual.wire.line import VirtualLine
 EVERY = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
 
 
-class AX99(RX28):
-    title = "AX-99"
-    number = 99
+class AX812(RX28):
+    title = "AX-812"
+    number = 812
     factory_baud = 1_000_000
     sheet = SpecSheet("Nobody", (Performance(12.0, 1.5, 354 * deg),), (9.0, 12.0), 300 * deg, 300 * deg / 1023)
     highest_limit_temperature = RX28.highest_limit_temperature.with_(default=70)
@@ -35,7 +35,7 @@ class Fine(RX28):
     """4096 steps for the whole turn."""
 
     title = "Fine-1"
-    number = 29
+    number = 829
     angle = Quantity("rad", 360 * deg / 4096)
     cw_angle_limit = RX28.cw_angle_limit.with_(scale=angle, limits=(0, 4095))
     ccw_angle_limit = RX28.ccw_angle_limit.with_(scale=angle, limits=(0, 4095), default=4095)
@@ -54,24 +54,24 @@ def bus_of(model: type[Model], **surroundings: Any) -> tuple[servobus.BusServo, 
 
 
 def test_a_table_has_the_rows_of_its_parent_in_their_order() -> None:
-    assert list(AX99.registers) == list(RX28.registers)
-    assert AX99.aliases == RX28.aliases
-    assert AX99.register("max_temperature") is AX99.max_temperature is AX99.highest_limit_temperature
-    assert AX99.max_temperature.aliases == ("max_temperature",)
+    assert list(AX812.registers) == list(RX28.registers)
+    assert AX812.aliases == RX28.aliases
+    assert AX812.register("max_temperature") is AX812.max_temperature is AX812.highest_limit_temperature
+    assert AX812.max_temperature.aliases == ("max_temperature",)
 
 
 def test_an_inherited_row_belongs_to_the_child() -> None:
-    assert repr(AX99.goal_position) == "<AX-99 goal_position>"
-    assert AX99.goal_position is not RX28.goal_position
-    assert AX99.registers["goal_position"] is AX99.goal_position
+    assert repr(AX812.goal_position) == "<AX-812 goal_position>"
+    assert AX812.goal_position is not RX28.goal_position
+    assert AX812.registers["goal_position"] is AX812.goal_position
     assert repr(RX28.goal_position) == "<RX-28 goal_position>"
-    with pytest.raises(BadValue, match="AX-99 led"):
-        AX99.led.parse("perhaps")
+    with pytest.raises(BadValue, match="AX-812 led"):
+        AX812.led.parse("perhaps")
 
 
 def test_one_row_differs() -> None:
-    assert (AX99.highest_limit_temperature.default, RX28.highest_limit_temperature.default) == (70, 80)
-    mine, other = AX99.highest_limit_temperature, RX28.highest_limit_temperature
+    assert (AX812.highest_limit_temperature.default, RX28.highest_limit_temperature.default) == (70, 80)
+    mine, other = AX812.highest_limit_temperature, RX28.highest_limit_temperature
     for name in ("place", "layout", "scale", "meaning", "limits", "allowed", "access", "area", "note"):
         assert getattr(mine, name) == getattr(other, name)
 
@@ -151,13 +151,13 @@ def test_with_takes_limits_from_a_new_layout_unless_they_were_set() -> None:
 
 
 def test_a_row_of_a_parent_stands_for_the_own_one() -> None:
-    assert AX99.own(RX28.goal_position) is AX99.goal_position
-    assert RX28.own(AX99.goal_position) is RX28.goal_position
-    servo, real = bus_of(AX99, position=90 * deg)
+    assert AX812.own(RX28.goal_position) is AX812.goal_position
+    assert RX28.own(AX812.goal_position) is RX28.goal_position
+    servo, real = bus_of(AX812, position=90 * deg)
     assert servo.read(RX28.present_position) == pytest.approx(90 * deg, abs=0.2 * deg)
     servo.write(RX28.led, True)
-    assert real.memory[AX99.led] == real.memory[RX28.led] == 1
-    assert servo.read_many([RX28.led, AX99.torque_enable]) == {"led": True, "torque_enable": False}
+    assert real.memory[AX812.led] == real.memory[RX28.led] == 1
+    assert servo.read_many([RX28.led, AX812.torque_enable]) == {"led": True, "torque_enable": False}
 
 
 def test_the_value_counts_not_the_raw_number() -> None:
@@ -287,7 +287,7 @@ def test_position_mode_gives_it_its_own_full_range() -> None:
 
 
 def test_sync_write_takes_servos_of_several_models_together() -> None:
-    refs = [reference(model, id) for id, model in enumerate((RX28, AX99, Fine))]
+    refs = [reference(model, id) for id, model in enumerate((RX28, AX812, Fine))]
     (packet,) = RX28.family.goals(dict.fromkeys(refs, 0x123), 0.0)
     assert packet.request.hex(" ") == "ff ff fe 0d 83 1e 02 00 23 01 01 23 01 02 23 01 e2"
 
@@ -305,7 +305,7 @@ def reference(model: type[Model], id: int) -> ServoRef:
 
 
 def test_reset_goes_to_the_speed_of_the_model() -> None:
-    servo, real = bus_of(AX99)
+    servo, real = bus_of(AX812)
     assert servo.baud == 1_000_000
     servo.change_baud(115_200)
     servo.reset()
@@ -313,10 +313,10 @@ def test_reset_goes_to_the_speed_of_the_model() -> None:
 
 
 def test_number_and_factory_speed_are_said_once() -> None:
-    assert (AX99.model_number.default, AX99.baud_rate.default) == (99, 1)
+    assert (AX812.model_number.default, AX812.baud_rate.default) == (812, 1)
     for changes in ({"model_number": RX28.model_number.with_(default=13)}, {"baud_rate": RX28.baud_rate.with_()}):
         with pytest.raises(TypeError, match=r"is not .* as the model says"):
-            type("Lame", (AX99,), {"title": "Lame", **changes})
+            type("Lame", (AX812,), {"title": "Lame", **changes})
     with pytest.raises(TypeError, match=r"its rows say model number \[6, 2\], the model says 0x0601"):
         type("Lame", (DRS0602,), {"title": "Lame", "number": 0x0601})
 
@@ -325,12 +325,12 @@ def test_number_and_factory_speed_are_said_once() -> None:
 
 
 def test_a_sheet_of_its_own_makes_a_motor_of_its_own() -> None:
-    made = motor(AX99)
+    made = motor(AX812)
     assert stall_torque(made, 12.0) == pytest.approx(1.5)
     assert no_load_speed(made, 12.0) == pytest.approx(354 * deg)
-    assert list(motor_sets(AX99)) == ["sheet"]
-    with pytest.raises(UnknownName, match="no motor data 'measured' for AX-99; there are sheet"):
-        motor(AX99, "measured")
+    assert list(motor_sets(AX812)) == ["sheet"]
+    with pytest.raises(UnknownName, match="no motor data 'measured' for AX-812; there are sheet"):
+        motor(AX812, "measured")
 
 
 def test_without_one_the_motor_is_inherited() -> None:
@@ -339,7 +339,7 @@ def test_without_one_the_motor_is_inherited() -> None:
 
 
 def test_a_motor_that_is_named_wins_over_the_sheet() -> None:
-    class Named(AX99):
+    class Named(AX812):
         title = "Named"
         motors = "servobus.families.lewansoul.motors:LX16A_SETS"
 
@@ -350,20 +350,20 @@ def test_a_motor_that_is_named_wins_over_the_sheet() -> None:
 
 
 @pytest.fixture
-def with_ax99() -> Any:
-    """Let the registry know the AX-99 too, for one test."""
-    registry.add(AX99)
+def with_ax12() -> Any:
+    """Let the registry know the AX-812 too, for one test."""
+    registry.add(AX812)
     yield
-    del registry.MODELS.entries[AX99.key()]
+    del registry.MODELS.entries[AX812.key()]
 
 
-@pytest.mark.usefixtures("with_ax99")
+@pytest.mark.usefixtures("with_ax12")
 def test_a_scan_asks_at_the_factory_speed_of_every_model() -> None:
-    assert registry.factory_bauds(RX28.family)[:2] == (57_600, 1_000_000)
+    assert registry.factory_bauds(RX28.family) == (57_600, 1_000_000)
     assert registry.bauds(RX28.family)[:2] == (57_600, 1_000_000)
-    with servobus.open("virtual:ax99@1,rx28@2?clock=virtual") as bus:
+    with servobus.open("virtual:ax812@1,rx28@2?clock=virtual") as bus:
         found = bus.scan(family="dynamixel", ids=range(4))
-        assert [(servo.model, servo.id, servo.baud) for servo in found] == [(RX28, 2, 57_600), (AX99, 1, 1_000_000)]
-        assert bus.find(1).model is AX99
+        assert [(servo.model, servo.id, servo.baud) for servo in found] == [(RX28, 2, 57_600), (AX812, 1, 1_000_000)]
+        assert bus.find(1).model is AX812
         bus.torque_on()
         bus.move({1: 100 * deg, 2: 100 * deg}).wait()

@@ -389,7 +389,7 @@ def test_the_fast_path_dropped_behind_its_write_is_remembered(told: bool) -> Non
     port.late = 0.02
     assert bus.link.try_fast_send(question) > 0
     if told:
-        bus.link.abandon(question)
+        bus.link.abandon()
     port.late = 0.0
     assert asked_until_answered(bus.link, port, question)
     assert bus.stats[1].late >= 1

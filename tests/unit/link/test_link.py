@@ -347,6 +347,21 @@ class TestSeveralAtOnce:
         assert bus.stats[2].retries == 1
         assert bus.stats[9].strangers == 1
 
+    def test_an_answer_that_comes_before_its_question_is_none(self) -> None:
+        first, second, third = self.answers(RX28.family.framing, 0, b"")
+        port = Timed(first, second, third)
+        port.say((0.0, second))
+        bus = Bus(port, echo=False)
+        port.discard = lambda: b""  # type: ignore[method-assign] # it comes just behind the look at what is there
+
+        def job() -> Any:
+            return (yield Batch([RX28.family.ping(id) for id in self.IDS]))
+
+        one, two, three = bus.do(job())
+        assert (one, three) == (None, None)
+        assert isinstance(two, DuplicateId)
+        assert bus.stats[2].strangers >= 1
+
     def test_silence_is_an_error_in_its_place(self) -> None:
         first, _, third = self.answers(RX28.family.framing, 0, b"")
         port = Timed(first, None, third, None)
