@@ -4,7 +4,9 @@ import asyncio
 from collections.abc import Awaitable
 
 import servobus
+from servobus import RX28, deg
 from servobus.core.exchange import Pause, Procedure
+from unit.served import Arm
 
 
 def busy() -> Procedure[None]:
@@ -32,3 +34,23 @@ def test_what_waits_for_the_line_gets_it_by_its_urgency() -> None:
             return done
 
     assert asyncio.run(main()) == ["busy", "stop", "motion", "read", "scan"]
+
+
+def test_a_stop_that_is_awaited_stops_on_a_real_descriptor() -> None:
+    """A task that stops a servo holds the line most urgently of all, and must still hear the answers."""
+
+    async def main(name: str) -> None:
+        async with servobus.open_async(name, echo=False) as bus:
+            servo = bus.attach(RX28, 1)
+            await servo.torque_on()
+            await servo.move(250 * deg, time=3.0)
+            await asyncio.sleep(0.2)
+            await servo.stop()
+            await asyncio.sleep(0.3)
+            first, second = await servo.read(RX28.present_position), await servo.read(RX28.present_position)
+            assert abs(first - second) < 1 * deg
+            assert first < 220 * deg
+            await servo.torque_off()
+
+    with Arm("rx28@1") as arm:
+        asyncio.run(main(arm.name))

@@ -332,11 +332,11 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
     def _readable(self, loop: asyncio.AbstractEventLoop, fd: int) -> None:
         """Give bytes to the task that waits for them. If none does, stop listening: the loop would turn and turn.
 
-        While a stop has the line, its thread reads: what comes is for that thread, not for the task it interrupted.
+        While a thread has the line, it reads by itself, to make the servos safe: what comes is for that thread, not for
+        the task it interrupted. A task that stops a servo holds the line as any other task does.
         """
         waiter, holder = self._waiter, self.line.holder
-        stopping = holder is not None and holder.priority is Priority.STOP
-        if waiter is None or waiter.done() or stopping:
+        if waiter is None or waiter.done() or (holder is not None and holder.thread):
             loop.remove_reader(fd)
             self._listening = None
             if waiter is not None:

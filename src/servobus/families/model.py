@@ -141,6 +141,7 @@ class Model:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        _check_body(cls)
         cls._body = {name: row for name, row in vars(cls).items() if isinstance(row, Register) or _takes_out(cls, name)}
         cls.registers, cls.aliases = {}, {}
         for kind in reversed(cls.__mro__):
@@ -235,6 +236,21 @@ class Model:
         if row is None or not related or not row.same_value(register):
             raise UsageError(f"{register.model} {register.name} is not a register of {cls.title}")
         return row
+
+
+def _check_body(cls: type[Model]) -> None:
+    """Refuse what looks like a statement about a row and is none. Raises TypeError."""
+    inherited = {name for parent in cls.__mro__[1:] for name in vars(parent).get("_body", {})}
+    for name, value in vars(cls).items():
+        if name in inherited and not (value is None or isinstance(value, Register)):
+            raise TypeError(
+                f"{cls.__name__}: {name} = {value!r} is no register; change an inherited row with "
+                f"{name} = {cls.__mro__[1].__name__}.{name}.with_(...), or take it out with {name} = None"
+            )
+        if value is None and not name.startswith("_") and name not in inherited and not hasattr(Model, name):
+            known = name in Model.__annotations__
+            if not known:
+                raise TypeError(f"{cls.__name__}: {name} = None takes out a row that no parent of it has")
 
 
 def _takes_out(table: type[Model], name: str) -> bool:

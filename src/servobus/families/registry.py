@@ -65,7 +65,8 @@ _loaded = False
 def add(*models: type[Model]) -> None:
     """Make models known, and their families with them: they are found by scans and by name from then on.
 
-    Raises UsageError for a name that another model or family has already; then none of them is added.
+    Raises UsageError for a name that another model or family has already, or a number that another model of the family
+    reports; then none of them is added.
     """
     families: dict[str, Family] = {}
     keys: dict[str, type[Model]] = {}
@@ -79,6 +80,13 @@ def add(*models: type[Model]) -> None:
         known = families.get(family.name) or FAMILIES.entries.get(family.name)
         if known not in (None, family):
             raise UsageError(f"{model.title} cannot be added: there is another family {family.name} already")
+        known_models = {**MODELS.entries, **keys}.values()
+        twin = next((one for one in known_models if one.family is family and one.number == model.number), model)
+        if model.number is not None and twin is not model:
+            raise UsageError(
+                f"{model.title} cannot be added: {twin.title} reports number {model.number} too, so that no scan could "
+                "tell them apart; give it the number that it reports, or None"
+            )
         keys[key], families[family.name] = model, family
     MODELS.entries.update(keys)
     FAMILIES.entries.update(families)

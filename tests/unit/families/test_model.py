@@ -367,3 +367,34 @@ def test_a_scan_asks_at_the_factory_speed_of_every_model() -> None:
         assert bus.find(1).model is AX812
         bus.torque_on()
         bus.move({1: 100 * deg, 2: 100 * deg}).wait()
+
+
+class TestSlips:
+    def test_a_plain_value_in_place_of_a_row(self) -> None:
+        with pytest.raises(TypeError, match=r"highest_limit_temperature = 70 is no register; change .*with_\(\.\.\.\)"):
+
+            class Slip(RX28):
+                title = "Slip"
+                highest_limit_temperature = 70  # type: ignore[assignment]
+
+    def test_a_row_taken_out_that_no_parent_has(self) -> None:
+        with pytest.raises(TypeError, match="ledd = None takes out a row that no parent of it has"):
+
+            class Slip(RX28):
+                title = "Slip"
+                ledd = None
+
+    def test_a_number_that_another_model_reports(self) -> None:
+        class Slip(RX28):
+            title = "Slip"
+
+        with pytest.raises(servobus.UsageError, match="RX-28 reports number 28 too"):
+            registry.add(Slip)
+
+    def test_firmware_that_needs_a_row_that_was_taken_out(self) -> None:
+        class Slip(RX28):
+            title, number = "Slip", 65_000
+            punch = None  # type: ignore[assignment]
+
+        with pytest.raises(servobus.UsageError, match="Slip cannot be a virtual servo: its firmware"):
+            virtual_servo(Slip)

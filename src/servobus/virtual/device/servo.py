@@ -230,7 +230,16 @@ def virtual_servo(
 ) -> VirtualServo:
     """Make a virtual servo of any model; see `VirtualServo` for the arguments."""
     kind = firmware(model)
-    return kind(model, id, voltage=voltage, temperature=temperature, position=position, motor_set=motor_set, now=now)
+    motor(model, motor_set)  # an unknown set is told as such
+    try:
+        return kind(
+            model, id, voltage=voltage, temperature=temperature, position=position, motor_set=motor_set, now=now
+        )
+    except UnknownName as error:
+        raise UsageError(
+            f"{model.title} cannot be a virtual servo: its firmware, {kind.__name__}, needs what it lacks ({error}); "
+            "name another class with `firmware`"
+        ) from error
 
 
 def firmware(model: type[Model]) -> type[VirtualServo]:
