@@ -11,8 +11,8 @@ async with servobus.open_async("/dev/ttyUSB0") as bus:
 import asyncio
 import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -99,16 +99,8 @@ class AsyncBusServo(Awaiting, Servo):
 
         After an error the safe action instead, if one was chosen.
         """
-        rest = [self]
-        try:
-            await self.torque_on()
+        async with self._bus.torque([self]):
             yield self
-        except BaseException:
-            rest = await self._bus.secure(rest)
-            raise
-        finally:
-            if rest:
-                await self.torque_off()
 
 
 class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
@@ -121,7 +113,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         """The loop that tells when the port's descriptor is readable."""
         self._reader: ThreadPoolExecutor | None = None
         """The thread that reads a port without a descriptor."""
-        self._stopping: Awaitable[Any] | None = None
+        self._stopping: Future[Any] | None = None
         """The stop that was begun last, beside the loop: the port stays open until it is over."""
         self._read_under_way: asyncio.Future[None] | None = None
         super().__init__(*args, **kwargs)
@@ -136,7 +128,8 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
             if crashed(error):
                 self._beside_the_loop(partial(self.safety.end, safe=True))
             if self._stopping is not None:
-                await _to_its_end(self._stopping)  # a second cancellation must not end it halfway
+                # A second cancellation must not end it halfway.
+                await _to_its_end(_awaited(self._stopping, asyncio.get_running_loop()))
         finally:
             self.close()
 
@@ -155,16 +148,24 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
             await self.line.acquire_async(turn)
             self._stop_listening()  # what is opened may get the same descriptor
             if self.transport.blocking():
-                await asyncio.to_thread(self.transport.reopen)
+                reopening = asyncio.ensure_future(asyncio.to_thread(self.transport.reopen))
+                try:
+                    await _to_its_end(reopening)  # its thread cannot be stopped, and nothing may use the line meanwhile
+                finally:
+                    if reopening.done() and not reopening.cancelled() and reopening.exception() is None:
+                        self._renew()
             else:
                 self.transport.reopen()
-            self._port = self._shared(self.transport)
-            self._reopened()
+                self._renew()
         finally:
             self.line.end(turn)
         report = await self.do(self._reunited())
         await _to_its_end(self._beside_the_loop(self.safety.after_reopen))
         return report
+
+    def _renew(self) -> None:
+        self._port = self._shared(self.transport)
+        self._reopened()
 
     def make_safe(self, action: SafeAction | None = None, *, interrupt: bool = False) -> Awaitable[None]:
         """Run the safe action, or this one, of each servo that this bus has switched on or set in motion.
@@ -233,10 +234,14 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
             await self.torque_on(driven)
             yield self
         except BaseException:
-            driven = await self.secure(driven)
+            # The error under way is the one that comes out, whatever else fails.
+            with self.safety.failures_told("the torque may still be on"):
+                await _to_its_end(asyncio.ensure_future(self._let_go(driven)))
             raise
-        finally:
-            await self.torque_off(driven)
+        await self.torque_off(driven)
+
+    async def _let_go(self, servos: list[AsyncBusServo]) -> None:
+        await self.torque_off(await self.secure(servos))
 
     async def secure(self, servos: list[AsyncBusServo]) -> list[AsyncBusServo]:
         """Make those servos safe whose safe action was chosen; give the others."""
@@ -361,28 +366,17 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         loop = _running_loop()
         if loop is None or not self.transport.blocking():
             return _Done(work())
-        done: asyncio.Future[T] = loop.create_future()
-
-        def tell(result: T | None, error: BaseException | None) -> None:
-            if done.done():
-                return
-            if error is not None:
-                done.set_exception(error)
-            else:
-                done.set_result(result)  # type: ignore[arg-type] # it is a T where there is no error
+        job: Future[T] = Future()
 
         def run() -> None:
-            result, error = None, None
             try:
-                result = work()
-            except BaseException as caught:  # noqa: BLE001 - it is raised where the work is waited for
-                error = caught
-            if not loop.is_closed():
-                loop.call_soon_threadsafe(tell, result, error)
+                job.set_result(work())
+            except BaseException as error:  # noqa: BLE001 - it is raised where the work is waited for
+                job.set_exception(error)
 
         threading.Thread(target=run, name="servobus stop").start()
-        self._stopping = done
-        return done
+        self._stopping = job
+        return _awaited(job, loop)
 
 
 class _Done(Awaitable[T]):
@@ -394,6 +388,27 @@ class _Done(Awaitable[T]):
     def __await__(self) -> Generator[Any, None, T]:
         yield from ()
         return self._result
+
+
+def _awaited(job: Future[T], loop: asyncio.AbstractEventLoop) -> asyncio.Future[T]:
+    """Give what a loop can wait for of a job in another thread; the job goes on whatever becomes of the loop."""
+    done: asyncio.Future[T] = loop.create_future()
+
+    def tell() -> None:
+        if done.done():
+            return
+        error = job.exception()
+        if error is not None:
+            done.set_exception(error)
+        else:
+            done.set_result(job.result())
+
+    def told(_: Future[T]) -> None:
+        with suppress(RuntimeError):  # the loop may be closed by now
+            loop.call_soon_threadsafe(tell)
+
+    job.add_done_callback(told)
+    return done
 
 
 async def _to_its_end(work: Awaitable[T]) -> T:

@@ -237,10 +237,13 @@ class BaseBus(Closed, Generic[S]):
         try:
             yield from scan(self._families(family), self._speeds(bauds), wanted, watch, survey, self.identify)
         except BaseException:
-            for found in survey.found:
-                self.adopt(found)
+            self._servos.adopt_found(survey)
             raise
-        return (yield from self._servos.adopt_all(survey.found, survey))
+        try:
+            return (yield from self._servos.adopt_all(survey.found, survey))
+        except BaseException:
+            self._servos.adopt_found(survey)
+            raise
 
     @bus_method
     def find(
@@ -455,17 +458,16 @@ class BaseBus(Closed, Generic[S]):
     @contextmanager
     def _take_over(self, interrupt: bool) -> Iterator[tuple[Link, LineOwnership, Turn]]:
         """Have the line for a stop: wait for what uses it, then make that fail, then go ahead all the same."""
-        link, turn = self.link, turn_for(Priority.STOP)
+        turn = turn_for(Priority.STOP)
 
         def supersede() -> None:
-            nonlocal link
-            link = link.supersede()
+            self.link = self.link.supersede()
 
         try:
             self.line.take_over(turn, supersede, 0.0 if interrupt else LOCK_TIMEOUT, self._firm())
-            yield link, self.line, turn
+            # Not before: while the stop waited, the port may have been opened again, with a link of its own.
+            yield self.link, self.line, turn
         finally:
-            self.link = link
             self.line.end(turn)
 
     def _firm(self) -> float:

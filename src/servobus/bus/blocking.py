@@ -77,16 +77,8 @@ class BusServo(Blocking, Servo):
 
         After an error the safe action instead, if one was chosen.
         """
-        rest = [self]
-        try:
-            self.torque_on()
+        with self._bus.torque([self]):
             yield self
-        except BaseException:
-            rest = self._bus.safety.secure(rest)
-            raise
-        finally:
-            if rest:
-                self.torque_off()
 
 
 class Bus(Blocking, BaseBus[BusServo]):
@@ -202,10 +194,11 @@ class Bus(Blocking, BaseBus[BusServo]):
             self.torque_on(driven)
             yield self
         except BaseException:
-            driven = self.safety.secure(driven)
+            # The error under way is the one that comes out, whatever else fails.
+            with self.safety.failures_told("the torque may still be on"):
+                self.torque_off(self.safety.secure(driven))
             raise
-        finally:
-            self.torque_off(driven)
+        self.torque_off(driven)
 
     def _bind(self, target: KnownServo, firmware: str) -> BusServo:
         return BusServo(self, target, firmware)

@@ -12,10 +12,10 @@ from servobus.bus.servo import Servo
 from servobus.core.exchange import Procedure, SetBaud
 from servobus.core.ids import check_id
 from servobus.core.values import replace
-from servobus.errors import NoReply, UsageError
+from servobus.errors import BusError, NoReply, UsageError
 from servobus.families.base import Answers, KnownServo, Model, ServoRef, policy_register
 from servobus.families.record import ServoRecord
-from servobus.jobs.scan import FoundServo, ModelConflict, ScanResult
+from servobus.jobs.scan import FoundServo, ModelConflict, ScanProblem, ScanResult
 
 S = TypeVar("S", bound=Servo)
 
@@ -128,11 +128,18 @@ class KnownServos(Generic[S]):
                     yield from servo.family.ping(servo.id)
                 except NoReply:
                     servo.target = replace(servo.target, baud=found.baud)
+                except BusError as error:  # something answers there, but not clearly: it stays where it was taken to be
+                    survey.troubles.append(ScanProblem(servo.family, servo.id, servo.baud, error))
                 self._speed_assumed.discard(servo)
         if all_found:
             yield SetBaud(all_found[-1].baud)
         adopted = [self.adopt(found, survey) for found in all_found]
         return [servo for servo in adopted if servo is not None]
+
+    def adopt_found(self, survey: ScanResult) -> None:
+        """Know what a scan has found that was broken off, without asking anything more."""
+        for found in survey.found:
+            self.adopt(found, survey)
 
     def _assumed_elsewhere(self, found: FoundServo) -> list[S]:
         """Give those that may be the one that was found, but for a speed that was only assumed."""
@@ -147,7 +154,11 @@ class KnownServos(Generic[S]):
         if old is None:
             self._servos.append(servo)
             return servo
-        servo.permit.max_step, servo.permit.safe_action = old.permit.max_step, old.permit.safe_action
+        # It is the same servo on the wire: what drives it goes on, and a stop must still find it.
+        permit, before = servo.permit, old.permit
+        permit.max_step, permit.safe_action, permit.inhibited = before.max_step, before.safe_action, before.inhibited
+        permit.driven, permit.stopped = before.driven, before.stopped
+        before.driven = False
         self._servos.insert(self._servos.index(old), servo)
         self._drop(old)
         old.permit.inhibited = f"{old.target} is attached as {ref} now: use the servo that attach() gave"

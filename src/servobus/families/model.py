@@ -192,7 +192,7 @@ class Model:
     @classmethod
     def key(cls) -> str:
         """Give the name used in commands and files: rx28 for RX-28."""
-        return cls.title.replace("-", "").lower()
+        return cls.title.replace("-", "").replace("_", "").lower()
 
     @classmethod
     def turns_at_speed(cls) -> bool:
@@ -271,6 +271,13 @@ def _check_complete(model: type[Model]) -> None:
         raise TypeError(
             f"{model.title} lacks the register{'s' * (len(missing) > 1)} {', '.join(missing)}: the verbs of "
             f"{model.family.title} servos rely on it; add a row, or a second name for one"
+        )
+    for required in map(model.register, REQUIRED):
+        if not required.readable:
+            raise TypeError(f"{required} must be a register that can be read: verbs rely on it")
+    if not model.register("torque_enable").writable:
+        raise TypeError(
+            f"{model.register('torque_enable')} must be a register that can be written: no stop works without"
         )
     for name, unit in (REQUIRED | OPTIONAL).items():
         row = model.registers.get(model.aliases.get(name, name))

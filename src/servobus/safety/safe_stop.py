@@ -15,7 +15,7 @@ from types import FrameType
 from typing import Protocol, TypeVar
 
 from servobus.core.exchange import Procedure, SetBaud
-from servobus.errors import Stopped, UsageError
+from servobus.errors import ServobusError, Stopped, UsageError
 from servobus.families.base import KnownServo, ServoRef
 from servobus.families.record import MotionPermit, SafeAction
 from servobus.jobs.make_safe import make_safe
@@ -169,6 +169,14 @@ class SafeStop:
         """Make those servos safe whose safe action was chosen; give the others."""
         self.make_safe(servos=[servo for servo in servos if servo.permit.safe_action], interrupt=True)
         return [servo for servo in servos if not servo.permit.safe_action]
+
+    @contextlib.contextmanager
+    def failures_told(self, what: str) -> Iterator[None]:
+        """Tell through `logging` what fails inside, instead of raising it: a more important error is under way."""
+        try:
+            yield
+        except ServobusError as error:
+            _tell(f"{self._transport.name}: {what}: {error}")
 
     # The end
 

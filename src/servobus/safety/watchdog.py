@@ -41,6 +41,8 @@ class Watchdog:
         self._fed = clock()
         self._tripped = self._over = False
         self._acted = threading.Event()
+        self._trips = 0
+        """Trips so far and resets between them: an act that was begun before a reset is not that of the next trip."""
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="servobus watch", daemon=True)
         self._thread.start()
@@ -90,6 +92,7 @@ class Watchdog:
         with self._changed:
             self._fed, self._tripped = self._clock(), False
             self._acted.clear()
+            self._trips += 1
             self._changed.notify()
 
     def stop(self) -> None:
@@ -110,22 +113,24 @@ class Watchdog:
     # The thread
 
     def _run(self) -> None:
-        while self._wait_for_trip():
+        while (trip := self._wait_for_trip()) is not None:
             self._act()
-            self._acted.set()
+            with self._changed:
+                if trip == self._trips:
+                    self._acted.set()
 
-    def _wait_for_trip(self) -> bool:
-        """Wait until it is time to act; False at the end of the watch."""
+    def _wait_for_trip(self) -> int | None:
+        """Wait until it is time to act; give the number of the trip, or None at the end of the watch."""
         with self._changed:
             while not self._over:
                 if self._tripped and not self._acted.is_set():
-                    return True
+                    return self._trips
                 late = self._late()
                 if not self._tripped and late > 0:
                     self._tripped = True
                 else:
                     self._changed.wait(self.timeout if self._tripped or late == 0 else -late)
-            return False
+            return None
 
     def _trip(self) -> None:
         with self._changed:

@@ -6,7 +6,7 @@ import pytest
 
 import servobus
 from servobus import DRS0602, LX16A, RX28, BadValue, UnknownName, UsageError, deg
-from servobus.core.registers import U8, U16, Area, Register
+from servobus.core.registers import U8, U16, Access, Area, Register
 from servobus.core.units import Count, Quantity, Switch
 from servobus.families import registry
 from servobus.families.base import Answers, Model, Performance, ServoRef, SpecSheet
@@ -398,3 +398,11 @@ class TestSlips:
 
         with pytest.raises(servobus.UsageError, match="Slip cannot be a virtual servo: its firmware"):
             virtual_servo(Slip)
+
+    @pytest.mark.parametrize("access", [Access.READ, Access.RESERVED])
+    def test_a_torque_that_cannot_be_switched(self, access: Access) -> None:
+        with pytest.raises(TypeError, match=r"torque_enable.* must be a register that can be"):
+
+            class Slip(RX28):
+                title, number = "Slip", 65_000
+                torque_enable = RX28.torque_enable.with_(access=access)

@@ -599,3 +599,19 @@ def test_a_program_that_was_stopped_by_the_system_does_not_go_on_moving() -> Non
         assert len(goals) <= 3
         assert len(goals[-1].data) == 3  # the last word is the stop
         assert served.servos[0].model is RX28
+
+
+def test_a_reset_while_it_still_acts_does_not_use_up_the_next_trip() -> None:
+    acts: list[int] = []
+
+    def act() -> None:
+        acts.append(1)
+        time.sleep(0.2)
+
+    watchdog = Watchdog(0.05, act, lambda: True, ended=lambda: None)
+    while not acts:
+        time.sleep(0.005)
+    watchdog.reset()
+    assert watchdog.wait(PATIENCE)
+    assert len(acts) == 2
+    watchdog.stop()
