@@ -289,7 +289,7 @@ def test_a_servo_that_is_met_again_follows_where_it_is_now() -> None:
     assert servo.read(RX28.present_temperature) == 25.0
 
 
-def test_another_model_in_its_place_keeps_only_what_was_chosen() -> None:
+def test_another_model_in_its_place_keeps_what_was_chosen_and_is_still_stopped() -> None:
     class RX28B(RX28):
         title = "RX-28B"
 
@@ -300,7 +300,7 @@ def test_another_model_in_its_place_keeps_only_what_was_chosen() -> None:
     other = bus.attach(RX28B, 1)
     assert other is not servo
     assert bus[1] is other
-    assert (other.max_step, other.safe_action, other.record.ram, other.permit.driven) == (0.5, "free", {}, False)
+    assert (other.max_step, other.safe_action, other.record.ram, other.permit.driven) == (0.5, "free", {}, True)
 
 
 def test_a_restarted_servo_is_still_held_back_after_a_scan() -> None:
