@@ -126,7 +126,7 @@ def test_F17_a_port_in_use_is_refused_and_its_holder_named(driver: str) -> None:
 
 CHANGED = "drop=0.06,flip=0.06,junk=0.06:1-16,split=0.06:2ms"
 LOST = "mute=0.05,deaf=0.05,stranger=0.05,stall=0.03:60ms,glue=0.03"
-READS = 24
+READS = 16
 
 
 def turn(servos_rig: Rig, raw: int) -> None:

@@ -11,6 +11,7 @@ from samples import (
     goal_range,
     keys_that,
     models_that,
+    one_model_of_each_family,
     other_bauds,
     steady,
     unusual_baud,
@@ -39,7 +40,7 @@ def two_questions(rig: FaultRig, rounds: int) -> None:
 
 
 @DRIVERS
-@every_model
+@one_model_of_each_family
 @pytest.mark.parametrize("stall", ["12ms", "120ms", "400ms"])
 def test_F7_an_adapter_that_stands_still_never_gives_an_old_value(key: str, stall: str, driver: str) -> None:
     """Replies that come after their time-out, all at once and in order: not one is taken for the answer to a later
@@ -55,7 +56,7 @@ def test_F7_an_adapter_that_stands_still_never_gives_an_old_value(key: str, stal
 
 
 @DRIVERS
-@every_model
+@one_model_of_each_family
 @pytest.mark.parametrize("late", ["3ms", "15ms", "50ms"])
 def test_F7_a_reply_that_others_overtake_is_never_the_answer(key: str, late: str, driver: str) -> None:
     """Single replies held back while others pass, which no adapter does: none is taken for an answer, or it is told
@@ -171,7 +172,7 @@ def test_F9_the_doctor_names_the_speed(key: str) -> None:
 
 
 @DRIVERS
-@every_model
+@one_model_of_each_family
 @pytest.mark.parametrize("skew", ["-2.5%", "2.5%"])
 def test_F9_a_speed_that_is_a_little_off(key: str, skew: str, driver: str) -> None:
     """A servo whose clock is off by what it may (RX-28 manual 3-4-1: 3 %, less what its divisor takes): no trouble."""
@@ -244,7 +245,7 @@ def test_F11_return_delays(delay: int) -> None:
     assert false_alarms(rig, f"{delay}", "") == 0
 
 
-@every_model
+@one_model_of_each_family
 @pytest.mark.parametrize("latency", ["1ms", "16ms", "40ms"])
 def test_F11_slow_adapters_with_jitter(key: str, latency: str) -> None:
     """An adapter that holds bytes back for 1, 16 or 40 ms, and up to half as long again by chance: after the first few
