@@ -31,7 +31,7 @@ BARE = "bare Python"
 
 
 @dataclass(slots=True)
-class ServoTraffic:
+class Timings:
     """What one driver took, round by round; seconds."""
 
     cpu: list[float] = field(default_factory=list)
@@ -49,12 +49,12 @@ class ServoTraffic:
     def cpu_each(self) -> float:
         return sum(self.cpu) / sum(map(len, self.times))
 
-    def slower_than(self, other: "ServoTraffic") -> float:
+    def slower_than(self, other: "Timings") -> float:
         """Compare the medians of each round, which share the machine's mood; the median of these ratios."""
         pairs = zip(self.times, other.times, strict=True)
         return statistics.median(statistics.median(_good(a)) / statistics.median(_good(b)) for a, b in pairs)
 
-    def busier_than(self, other: "ServoTraffic") -> float:
+    def busier_than(self, other: "Timings") -> float:
         return statistics.median(a / b for a, b in zip(self.cpu, other.cpu, strict=True))
 
 
@@ -84,7 +84,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _measure(
     answers: Path, floor: Path, names: list[str], delay: float, reads: int, rounds: int, order: random.Random
-) -> dict[str, ServoTraffic]:
+) -> dict[str, Timings]:
     cpus = _cpus()
     commands = {FLOOR: [str(floor)]} | {name: [sys.executable, "-m", "bench.clients", name] for name in names}
     workers: dict[str, Program] = {}
@@ -97,7 +97,7 @@ def _measure(
             with suppress(Silent):
                 if worker.hear() == "ready":
                     workers[name] = worker
-        servos = {name: ServoTraffic() for name in workers}
+        servos = {name: Timings() for name in workers}
         for done in range(rounds):
             _progress(f"round {done + 1} of {rounds}")
             for name in order.sample(list(workers), len(workers)):
@@ -124,7 +124,7 @@ def _progress(text: str) -> None:
         print(f"\r{text:<20}\r", end="", file=sys.stderr, flush=True)
 
 
-def _show(servos: dict[str, ServoTraffic], delay: float, names: list[str]) -> None:
+def _show(servos: dict[str, Timings], delay: float, names: list[str]) -> None:
     floor, bare = servos[FLOOR], servos[BARE]
     print(f"read present_position, {delay:g} µs from request to reply; {sum(map(len, floor.times))} reads each")
     print(f"{'driver':<22}{'median µs':>10}{'p99 µs':>9}{'x floor':>9}{'CPU µs':>9}{'x bare':>8}{'lost':>6}")
