@@ -13,9 +13,8 @@ from typing import Any
 import pytest
 
 import servobus
-from servobus import Bus, deg
-from servobus.bus.asyncio import AsyncBus
-from unit.served import PATIENCE, Arm
+from servobus import deg
+from unit.served import PATIENCE, Arm, wait_for
 
 IDS = range(1, 5)
 OTHER = 3
@@ -25,15 +24,7 @@ SCANNED = (2, 5, 4)
 MOST = 200
 """Waits of the longest job here, and more."""
 
-ASYNC_JOBS: dict[str, Callable[[AsyncBus], Awaitable[Any]]] = {
-    "read": lambda bus: bus[1].read(bus[1].model.register("present_position")),
-    "look": lambda bus: bus[1].look(),
-    "read_all": lambda bus: bus.read_all("present_position"),
-    "move": lambda bus: bus.move({1: 150 * deg + 0.01}, time=0.12).wait(),
-    "scan": lambda bus: bus.scan(family="dynamixel", ids=SCANNED),
-    "verify": lambda bus: bus[1].verify(),
-}
-JOBS: dict[str, Callable[[Bus], Any]] = {
+JOBS: dict[str, Callable[[Any], Any]] = {
     "read": lambda bus: bus[1].read(bus[1].model.register("present_position")),
     "look": lambda bus: bus[1].look(),
     "read_all": lambda bus: bus.read_all("present_position"),
@@ -57,12 +48,12 @@ def truth(arm: Arm) -> Any:
     return row.decode(row.scale.encode(arm.servos[OTHER - 1].position))
 
 
-@pytest.mark.parametrize("name", ASYNC_JOBS)
+@pytest.mark.parametrize("name", JOBS)
 def test_a_task_cancelled_at_each_await(arm: Arm, name: str) -> None:
-    asyncio.run(_cancel_at_each(arm, ASYNC_JOBS[name]))
+    asyncio.run(_cancel_at_each(arm, JOBS[name]))
 
 
-async def _cancel_at_each(arm: Arm, job: Callable[[AsyncBus], Awaitable[Any]]) -> None:
+async def _cancel_at_each(arm: Arm, job: Callable[[Any], Awaitable[Any]]) -> None:
     async with servobus.open_async(arm.name, echo=False) as bus:
         for id in IDS:
             bus.attach(servobus.RX28, id)
@@ -174,7 +165,7 @@ def test_ctrl_c_at_each_wait(arm: Arm, name: str) -> None:
                 pytest.fail("the job never came to its end")
             assert not wrong
             before = polls
-            _wait_until(lambda: polls > before)
+            wait_for(lambda: polls > before)
         finally:
             stop.set()
             other.join(PATIENCE)
@@ -192,12 +183,3 @@ def _interrupted(owner: Any, name: str, count: Callable[[], None]) -> None:
         return wait(*args)
 
     setattr(owner, name, counted)
-
-
-def _wait_until(condition: Callable[[], bool]) -> None:
-    end = threading.Event()
-    for _ in range(int(PATIENCE / 0.01)):
-        if condition():
-            return
-        end.wait(0.01)
-    pytest.fail("this never happened")

@@ -147,23 +147,19 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         try:
             await self.line.acquire_async(turn)
             self._stop_listening()  # what is opened may get the same descriptor
-            if self.transport.blocking():
-                reopening = asyncio.ensure_future(asyncio.to_thread(self.transport.reopen))
-                try:
-                    await _to_its_end(reopening)  # its thread cannot be stopped, and nothing may use the line meanwhile
-                finally:
-                    if reopening.done() and not reopening.cancelled() and reopening.exception() is None:
-                        self._renew()
-            else:
-                self.transport.reopen()
-                self._renew()
+            # A thread that opens a port cannot be stopped, and nothing may use the line meanwhile.
+            await _to_its_end(asyncio.ensure_future(self._reopen_port()))
         finally:
             self.line.end(turn)
         report = await self.do(self._reunited())
         await _to_its_end(self._beside_the_loop(self.safety.after_reopen))
         return report
 
-    def _renew(self) -> None:
+    async def _reopen_port(self) -> None:
+        if self.transport.blocking():
+            await asyncio.to_thread(self.transport.reopen)
+        else:
+            self.transport.reopen()
         self._port = self._shared(self.transport)
         self._reopened()
 
@@ -241,11 +237,8 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         await self.torque_off(driven)
 
     async def _let_go(self, servos: list[AsyncBusServo]) -> None:
-        await self.torque_off(await self.secure(servos))
-
-    async def secure(self, servos: list[AsyncBusServo]) -> list[AsyncBusServo]:
-        """Make those servos safe whose safe action was chosen; give the others."""
-        return await _to_its_end(self._beside_the_loop(partial(self.safety.secure, servos)))
+        """Make those servos safe whose safe action was chosen, and switch the torque of the others off."""
+        await self.torque_off(await self._beside_the_loop(partial(self.safety.secure, servos)))
 
     def _bind(self, target: KnownServo, firmware: str) -> AsyncBusServo:
         return AsyncBusServo(self, target, firmware)

@@ -236,10 +236,6 @@ class BaseBus(Closed, Generic[S]):
         wanted = (ids,) if isinstance(ids, int) else ids
         try:
             yield from scan(self._families(family), self._speeds(bauds), wanted, watch, survey, self.identify)
-        except BaseException:
-            self._servos.adopt_found(survey)
-            raise
-        try:
             return (yield from self._servos.adopt_all(survey.found, survey))
         except BaseException:
             self._servos.adopt_found(survey)

@@ -240,17 +240,16 @@ class Model:
 
 def _check_body(cls: type[Model]) -> None:
     """Refuse what looks like a statement about a row and is none. Raises TypeError."""
-    inherited = {name for parent in cls.__mro__[1:] for name in vars(parent).get("_body", {})}
+    inherited = {name for parent in _parents(cls) for names in (parent.registers, parent.aliases) for name in names}
     for name, value in vars(cls).items():
         if name in inherited and not (value is None or isinstance(value, Register)):
             raise TypeError(
                 f"{cls.__name__}: {name} = {value!r} is no register; change an inherited row with "
                 f"{name} = {cls.__mro__[1].__name__}.{name}.with_(...), or take it out with {name} = None"
             )
-        if value is None and not name.startswith("_") and name not in inherited and not hasattr(Model, name):
-            known = name in Model.__annotations__
-            if not known:
-                raise TypeError(f"{cls.__name__}: {name} = None takes out a row that no parent of it has")
+        says_nothing = name.startswith("_") or name in Model.__annotations__ or hasattr(Model, name)
+        if value is None and name not in inherited and not says_nothing:
+            raise TypeError(f"{cls.__name__}: {name} = None takes out a row that no parent of it has")
 
 
 def _takes_out(table: type[Model], name: str) -> bool:

@@ -47,9 +47,11 @@ class Asking:
         pipeline: Pipeline,
         attempt: Attempt,
         contended: Callable[[], bool],
+        echo_known: Callable[[], bool],
     ) -> None:
         self._transport, self._clock, self._log = transport, clock, log
         self._pipeline, self._attempt, self._contended = pipeline, attempt, contended
+        self._echo_known = echo_known
 
     def until_answered(self, exchange: Exchange[T], begun: bytes | None = None) -> Waits[T]:
         """Ask, and ask again if it is repeatable and no reply was understood. Raises the BusError that came of it."""
@@ -79,12 +81,15 @@ class Asking:
             return error
         return outcome
 
-    def batch(self, batch: Batch, *, several: bool) -> Waits[list[Any]]:
-        """Ask as many at once as the line allows, if `several` may be; one by one, what did not come through."""
+    def batch(self, batch: Batch) -> Waits[list[Any]]:
+        """Ask as many at once as the line allows; one by one, what did not come through.
+
+        As long as it is unknown whether the line echoes, a question goes alone: the first one finds that out.
+        """
         outcomes: list[Any] = []
         rest = batch.exchanges
         while rest and not (outcomes and batch.yields and self._contended()):
-            count = self._pipeline.together(rest, self._log.doubtful) if several else 1
+            count = self._pipeline.together(rest, self._log.doubtful) if self._echo_known() else 1
             some, rest = rest[:count], rest[count:]
             if count == 1:
                 outcome = yield from self._alone(some[0], again=batch.again)

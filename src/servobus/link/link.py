@@ -109,7 +109,15 @@ class Link:
         self.log = ReplyLog(transport, self._clock, heard, alarmed, stats)
         self.latency = self.log.latency
         self._pipeline = Pipeline()
-        self._asking = Asking(transport, self._clock, self.log, self._pipeline, self._attempt, contended)
+        self._asking = Asking(
+            transport,
+            self._clock,
+            self.log,
+            self._pipeline,
+            self._attempt,
+            contended,
+            echo_known=lambda: self.echo is not None,
+        )
         self._contended = contended
         self._probing = False
         """Whether a request that looks like its own reply came back: from now on a probe goes before such requests."""
@@ -160,7 +168,7 @@ class Link:
         if isinstance(step, Exchange):
             return (yield from self.transact(step))
         if isinstance(step, Batch):
-            return (yield from self._asking.batch(step, several=self.echo is not None))
+            return (yield from self._asking.batch(step))
         if isinstance(step, Now):
             return self.transport.now()
         if isinstance(step, Pause):

@@ -78,8 +78,7 @@ class Turn:
 def turn_for(priority: Priority) -> Turn:
     """Make a turn of this priority."""
     turn = Turn()
-    if priority is not Priority.READ:
-        turn.priority = priority
+    turn.priority = priority
     return turn
 
 

@@ -18,6 +18,7 @@ from servobus.core.operation import Priority
 from servobus.errors import Stopped
 from servobus.link import ownership
 from servobus.link.ownership import LineOwnership, Turn, TurnState, turn_for
+from unit.served import wait_for
 
 PROMPT = 5.0
 """s after which a test gives up waiting for a thread."""
@@ -48,13 +49,6 @@ def in_thread(work: Callable[[], object]) -> threading.Thread:
     return thread
 
 
-def wait_until(condition: Callable[[], bool]) -> None:
-    end = time.monotonic() + PROMPT
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.001)
-
-
 # The order
 
 
@@ -70,7 +64,7 @@ def test_the_most_urgent_turn_is_next(order: tuple[Priority, ...]) -> None:
         threads = []
         for count, priority in enumerate(order, 1):
             threads.append(in_thread(lambda priority=priority: serve(priority)))  # type: ignore[misc]
-            wait_until(lambda count=count: len(line._waiting) == count)  # type: ignore[misc]
+            wait_for(lambda count=count: len(line._waiting) == count)  # type: ignore[misc]
     for thread in threads:
         thread.join(PROMPT)
     assert served == sorted(Priority)
@@ -110,8 +104,8 @@ def test_a_newcomer_does_not_overtake_a_turn_that_waits() -> None:
             line.end(waiting)
 
         thread = in_thread(wait)
-        wait_until(lambda: line.contended)
-    wait_until(lambda: line.holder is waiting)
+        wait_for(lambda: line.contended)
+    wait_for(lambda: line.holder is waiting)
     assert not line.try_acquire(turn_for(Priority.STOP))
     there.set()
     thread.join(PROMPT)
@@ -168,7 +162,7 @@ def test_a_turn_that_gives_way_takes_the_line_back() -> None:
 
     with holding(line) as turn:
         thread = in_thread(other)
-        wait_until(lambda: line.contended)
+        wait_for(lambda: line.contended)
         log.append("before")
         line.give_way(turn)
         thread.join(PROMPT)
@@ -253,7 +247,7 @@ def test_a_stop_that_gets_the_line_in_time_interrupts_nothing() -> None:
                 line.end(mine)
 
         in_thread(stop)
-        wait_until(lambda: line.contended)
+        wait_for(lambda: line.contended)
         line.give_way(turn)
         assert got.wait(PROMPT)
         line.acquire(turn)
@@ -269,7 +263,7 @@ def test_a_turn_of_a_closed_loop_is_passed_over() -> None:
         loop.close()
         task._log_destroy_pending = False  # type: ignore[attr-defined]
         thread = in_thread(lambda: talk(line))
-        wait_until(lambda: len(line._waiting) == 2)
+        wait_for(lambda: len(line._waiting) == 2)
     thread.join(PROMPT)
     assert not thread.is_alive()
     assert free(line)
@@ -360,7 +354,7 @@ def test_ctrl_c_at_every_line_of_a_hand_over_wakes_the_other() -> None:
         turn = Turn()
         line.acquire(turn)
         thread = in_thread(other)
-        wait_until(lambda line=line: line.contended)  # type: ignore[misc]
+        wait_for(lambda line=line: line.contended)  # type: ignore[misc]
         with interrupted_at(number):
             try:
                 line.end(turn)

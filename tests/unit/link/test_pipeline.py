@@ -245,3 +245,20 @@ def test_after_a_lost_answer_a_single_question_takes_care() -> None:
     assert isinstance(results[1], NoReply)
     port.servos[1].put("punch", 77)
     assert bus.do(dynamixel1.read_data(2, 44, 6)).endswith(b"\x4d\x00")  # Punch, 48
+
+
+def test_only_the_first_question_of_a_batch_finds_out_about_the_echo() -> None:
+    """It is known after one question, so that the others need not go alone."""
+    with servobus.open("virtual:drs0602@253?clock=virtual") as bus:
+        sent: list[int] = []
+        write = bus.transport.write
+
+        def count(data: bytes) -> None:
+            sent.append(len(data))
+            write(data)
+
+        bus.transport.write = count  # type: ignore[method-assign]
+        bus.do(volley([herkulex.stat(id).no_retry() for id in range(16)]), baud=115_200)
+        assert bus.echo is False
+        assert sent[0] == 7  # a STAT
+        assert len(sent) == 2

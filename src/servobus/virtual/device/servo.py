@@ -80,7 +80,13 @@ class VirtualServo(ABC):
         self.powered = False
         self.time = now
         """Time up to which everything has happened."""
-        self.power_on(now)
+        try:
+            self.power_on(now)
+        except UnknownName as error:
+            raise UsageError(
+                f"{model.title} cannot be a virtual servo: its firmware, {type(self).__name__}, needs what it lacks "
+                f"({error}); name another class with `firmware`"
+            ) from error
 
     def __repr__(self) -> str:
         return f"<virtual {self.model.title} id {self.id}>"
@@ -230,16 +236,7 @@ def virtual_servo(
 ) -> VirtualServo:
     """Make a virtual servo of any model; see `VirtualServo` for the arguments."""
     kind = firmware(model)
-    motor(model, motor_set)  # an unknown set is told as such
-    try:
-        return kind(
-            model, id, voltage=voltage, temperature=temperature, position=position, motor_set=motor_set, now=now
-        )
-    except UnknownName as error:
-        raise UsageError(
-            f"{model.title} cannot be a virtual servo: its firmware, {kind.__name__}, needs what it lacks ({error}); "
-            "name another class with `firmware`"
-        ) from error
+    return kind(model, id, voltage=voltage, temperature=temperature, position=position, motor_set=motor_set, now=now)
 
 
 def firmware(model: type[Model]) -> type[VirtualServo]:

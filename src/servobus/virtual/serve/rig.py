@@ -1,4 +1,4 @@
-"""A drawer of virtual servos: one line for each family, side by side, behind one port.
+"""A rig of virtual servos: one line for each family, side by side, behind one port.
 
 Real servos of two families cannot share a wire. In a rig each family has its own; what the client sends
 goes to all of them, and what they answer comes back in the order of time.
