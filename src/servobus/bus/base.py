@@ -179,7 +179,7 @@ class BaseBus(Closed, Generic[S]):
         return len(self._servos)
 
     def __repr__(self) -> str:
-        known = ", ".join(f"{servo.model.title} id {servo.id}" for servo in self._servos) or "no servo known yet"
+        known = ", ".join(str(servo.target) for servo in self._servos) or "no servo known yet"
         return f"<{type(self).__name__} {self.transport.name}: {known}>"
 
     def __contains__(self, id: object) -> bool:

@@ -343,7 +343,7 @@ class Servo(Closed):
         return self._flags_text(self.alarms)
 
     def __str__(self) -> str:
-        text = f"{self.model.title} id {self.id} at {self.baud}"
+        text = f"{self.target} at {self.baud}"
         if self.state is not None:
             text += f": {self.state}"
         if self.alarms:

@@ -34,7 +34,7 @@ def backup(port: str, id: int, where: Where, file: str | None, force: bool) -> N
         return
     path = Path(file or f"{saved.model.key()}-id{saved.id}.toml")
     write_backup(saved, path, force=force, otherwise="choose another name, or replace it with --force")
-    click.echo(f"{len(saved.values)} settings of {saved.model.title} id {saved.id} saved to {path}")
+    click.echo(f"{len(saved.values)} settings of {saved.model.named(f'id {saved.id}')} saved to {path}")
 
 
 @verb("restore", "servobus restore /dev/ttyUSB0 1 elbow.toml", "servobus restore /dev/ttyUSB0 1 elbow.toml --yes")

@@ -104,6 +104,17 @@ class Count(Scale[int]):
 
 
 @frozen
+class Raw(Count):
+    """A raw integer whose unit is not known here, for it differs from model to model."""
+
+    def show(self, value: int) -> str:
+        return f"{value} (raw)"
+
+
+RAW = Raw()
+
+
+@frozen
 class Switch(Scale[bool]):
     """Off and on. `on` is the raw value that means on: 0 for the inverted LED of the LX servos."""
 

@@ -132,6 +132,6 @@ def _told(port: str, group: list[Problem]) -> Finding:
     value = ""
     if one.value is not None:
         value = span((member.value[0] for member in group if member.value is not None), one.value[1]) + " "
-    what = f"{servo.model.title} {id_list(ids)}: {value}{one.words}"
+    what = f"{servo.model.named(id_list(ids))}: {value}{one.words}"
     commands = [command(verb, port, *words, at(servo.family, servo.baud)) for verb, *words in one.mends]
     return Finding(one.level, one.check, what, one.cause, tuple(for_each(ids, each) for each in commands))
