@@ -16,7 +16,7 @@ from servobus.core.registers import Register
 from servobus.core.units import Flags
 from servobus.core.values import replace
 from servobus.errors import BusError, Restarted, UsageError
-from servobus.families.base import Answers, Family, KnownServo, Model, ServoRef, policy_register
+from servobus.families.base import Answers, Family, KnownServo, Model, ServoRef, policy_register, require_model
 from servobus.families.record import MotionPermit, SafeAction, ServoRecord, check_max_step
 from servobus.jobs import reconfigure
 from servobus.jobs.backup import Backup, backup, restore
@@ -175,7 +175,7 @@ class Servo(Closed):
         """Read several registers in as few exchanges as possible; gives name -> value."""
         rows = [self._own(register) for register in registers]
         values = yield from self.family.read(self.target, rows)
-        return {row.name: row.decode(raw) for row, raw in zip(rows, values, strict=True)}
+        return {row.name: row.decode(raw, self.target) for row, raw in zip(rows, values, strict=True)}
 
     @bus_method
     def read_raw(self, registers: Iterable[Register[Any] | str]) -> Procedure[list[int]]:
@@ -259,6 +259,7 @@ class Servo(Closed):
     @urgent(Priority.MOTION)
     def turn(self, *, speed: float | None = None, output: float | None = None) -> Procedure[None]:
         """Turn without end. `speed` in rad/s (HerkuleX) or `output` as a share -1 .. 1 (RX-28, LX-16A)."""
+        require_model(self.target, "turn without end")
         self._go()
         yield from self.family.turn(self.target, speed=speed, output=output)
 
@@ -270,6 +271,7 @@ class Servo(Closed):
         An RX-28 turns without end because its angle limits are 0; `limits` (rad) are the ones to set again,
         the full range by default.
         """
+        require_model(self.target, "come back from endless turn")
         raw = None
         if limits is not None:
             low, high = (self.model.register(name) for name in ("min_position", "max_position"))
@@ -389,7 +391,7 @@ class Servo(Closed):
         """Make the one exchange that reads one register."""
         reading = self.family.reading(self.target, [register])
         (exchange,), ((_, part, layout),) = reading.exchanges, reading.places
-        answer, unpack, decode = exchange.interpret, layout.unpacker(), register.scale.decode
+        answer, unpack, decode = exchange.interpret, layout.unpacker(), register.decoder(self.target)
         return exchange.mapped(lambda packet: decode(unpack(answer(packet)[part])))
 
     def _own(self, register: Register[T] | str) -> Register[T]:

@@ -72,6 +72,7 @@ def _check_limits(servo: BusServo, low: float, high: float) -> None:
 
 
 def _check_option(servo: BusServo, speed: float | None) -> None:
+    require_model(servo.target, "turn without end")
     if servo.model.turns_at_speed() and speed is None:
         raise UsageError(f"{servo.target} controls the speed at which it turns: give --speed DEG/S")
     if speed is not None and not servo.model.turns_at_speed():

@@ -35,10 +35,14 @@ __all__ = [
     "check_output",
     "fetch",
     "policy_register",
+    "require_model",
     "within",
 ]
 
 T = TypeVar("T")
+
+TELL_MODEL = "say which it is: --model MODEL, models={id: MODEL} or attach(MODEL, id)"
+"""The remedy for a servo whose model is not known."""
 
 
 class Answers(IntEnum):
@@ -404,6 +408,15 @@ def policy_register(model: type[Model]) -> Register[Any] | None:
 def cannot(target: ServoRef, what: str, why: str) -> UsageError:
     """Make the error for a verb that a family does not have."""
     return UsageError(f"{target} cannot {what}: {why}")
+
+
+def require_model(target: ServoRef, what: str) -> None:
+    """Raise UsageError if it is not known what an angle is on this servo, for its model is not known."""
+    if target.model.unscaled("goal_position"):
+        raise UsageError(
+            f"{target} cannot {what} as long as its model is not known, for each model has its own units; "
+            f"{TELL_MODEL}"
+        )
 
 
 def blocks(spans: Iterable[tuple[int, int]], *, gap: int, longest: int) -> list[tuple[int, int]]:

@@ -260,6 +260,11 @@ class Model:
             return register
         parents = () if register.owner is None else register.owner.__mro__
         related = any(register.name in vars(kind).get("registers", {}) and issubclass(cls, kind) for kind in parents)
+        if row is not None and related and isinstance(row.scale, Raw) and register.owner is not row.owner:
+            raise UsageError(
+                f"{register.model} {register.name} is no register of {cls.title}, where its unit is not known; "
+                f"\"{register.name}\" reads it raw, and --model, models= or attach() tells the model"
+            )
         if row is None or not related or not row.same_value(register):
             raise UsageError(f"{register.model} {register.name} is not a register of {cls.title}")
         return row

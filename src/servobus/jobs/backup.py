@@ -8,7 +8,7 @@ from servobus.core.registers import Area, Register
 from servobus.core.values import frozen
 from servobus.errors import BusError, UsageError
 from servobus.families import registry
-from servobus.families.base import Answers, KnownServo, Model, ServoRef, policy_register
+from servobus.families.base import Answers, KnownServo, Model, ServoRef, policy_register, require_model
 
 
 @frozen
@@ -34,11 +34,7 @@ class Backup:
         ]
         for name, raw in self.values.items():
             row = self.model.registers[name]
-            try:
-                shown = row.show(row.decode(raw))
-            except ValueError:
-                shown = "no known meaning"
-            lines.append(f"{f'{name} = {raw}':<42} # {shown}: {row.meaning}")
+            lines.append(f"{f'{name} = {raw}':<42} # {row.said(raw)}: {row.meaning}")
         return "\n".join(lines) + "\n"
 
     @classmethod
@@ -105,6 +101,7 @@ def restore(target: KnownServo, saved: Backup) -> Procedure[list[str]]:
 
     Which requests the servo answers is set last, after all the others were read back.
     """
+    require_model(target, "be restored")
     if saved.model is not target.model:
         raise UsageError(
             f"the backup belongs to model {saved.model.title}, {target} is another model; nothing was written"

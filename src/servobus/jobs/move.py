@@ -8,7 +8,7 @@ from servobus.core.exchange import Now, Pause, Procedure, SetBaud
 from servobus.core.units import deg, show
 from servobus.core.values import frozen
 from servobus.errors import BadValue, MoveTimeout, Stopped, TorqueOff, UsageError
-from servobus.families.base import AxisMove, KnownServo, MotionStatus, ServoRef
+from servobus.families.base import AxisMove, KnownServo, MotionStatus, ServoRef, require_model
 
 DEFAULT_SPEED = 90 * deg
 """Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try."""
@@ -99,8 +99,8 @@ def _checked(target: KnownServo, goal: int) -> Procedure[MotionStatus]:
         )
     row = target.model.register("goal_position")
     if not motion_status.low <= goal <= motion_status.high:
-        low, high = row.show(row.decode(motion_status.low)), row.show(row.decode(motion_status.high))
-        raise BadValue(f"{target}: {row.show(row.decode(goal))} is outside the limits set in it, {low} .. {high}")
+        low, high = row.said(motion_status.low), row.said(motion_status.high)
+        raise BadValue(f"{target}: {row.said(goal)} is outside the limits set in it, {low} .. {high}")
     return motion_status
 
 
@@ -142,7 +142,8 @@ def require_torque(move: PlannedMove) -> None:
 
 
 def raw_goal(target: ServoRef, angle: float) -> int:
-    """Turn an angle into a raw goal the model can take. Raises BadValue."""
+    """Turn an angle into a raw goal the model can take. Raises BadValue, UsageError if the model is not known."""
+    require_model(target, "be moved to an angle")
     if not _is_number(angle):
         raise BadValue(f"{target}: {angle!r} is not a number; an angle is in radians, such as 90 * deg")
     row = target.model.register("goal_position")
@@ -198,7 +199,7 @@ def _wait_axis(axis: AxisMove, end: float, tolerance: float) -> Procedure[None]:
         (raw,) = yield from target.model.family.read(target, [row])
         if not moving and abs(row.decode(raw) - row.decode(axis.goal)) <= tolerance:
             return
-        here, goal = row.show(row.decode(raw)), row.show(row.decode(axis.goal))
+        here, goal = row.said(raw), row.said(axis.goal)
         if given_up:
             raise Stopped(
                 f"{target} is at {here} and goes to {goal} no more: it was stopped or its torque switched off"

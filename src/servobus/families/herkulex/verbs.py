@@ -94,6 +94,8 @@ class Herkulex(Family):
 
     def check_model(self, model: type[Model]) -> None:
         """Make sure that the two bytes of the model number say what the model says (NO 1 and 2)."""
+        if model.generic:
+            return
         bytes_ = {row.place.within(EEP): row for row in model.registers.values()}
         said = [bytes_[at].default if at in bytes_ else None for at in (0, 1)]
         if said != [*(model.number or 0).to_bytes(2)]:

@@ -12,6 +12,8 @@ from servobus.families.dynamixel.verbs import DYNAMIXEL1
 from servobus.families.model import Model
 
 EEPROM, READ = Area.EEPROM, Access.READ
+U10 = Int(2, bits=10)
+"""A value of 0 .. 1023: the upper six bits of its two bytes are 0 (RX-28 manual 3-4)."""
 SIGNED = Int(2, sign_bit=10)
 """Magnitude in bits 0 to 9, direction in bit 10."""
 
@@ -52,7 +54,7 @@ class DynamixelTable(Model):
         Address(13), U8, volts, "supply above which a voltage error is reported", limits=(50, 250), area=EEPROM
     )
     max_torque = Register(
-        Address(14), U16, share, "torque limit at power-on; 0 is free run", limits=(0, 1023), area=EEPROM
+        Address(14), U10, share, "torque limit at power-on; 0 is free run", limits=(0, 1023), area=EEPROM
     )
     status_return_level = Register(
         Address(16), U8, Count(), "which instructions are answered: 0 PING, 1 reads, 2 all",
@@ -71,7 +73,7 @@ class DynamixelTable(Model):
         access=READ, volatile=True, motion=True,
     )  # fmt: skip
     torque_limit = Register(
-        Address(34), U16, share, "torque limit in use; starts as max_torque, 0 after a shutdown", limits=(0, 1023),
+        Address(34), U10, share, "torque limit in use; starts as max_torque, 0 after a shutdown", limits=(0, 1023),
         volatile=True,
     )  # fmt: skip
     present_position = Register(Address(36), U16, RAW, "position", access=READ)
@@ -90,7 +92,7 @@ class DynamixelTable(Model):
         Address(47), U8, Switch(), "on: only addresses 24 to 35 can be written until power-off",
         default=0, limits=(0, 1),
     )  # fmt: skip
-    punch = Register(Address(48), U16, share, "lowest torque of the control", default=32, limits=(0, 1023))
+    punch = Register(Address(48), U10, share, "lowest torque of the control", default=32, limits=(0, 1023))
 
     # The names that all families share, see servobus.families.model.
     baud = baud_rate
