@@ -19,6 +19,7 @@ from servobus.cli.options import (
 from servobus.cli.output import note, warn_alarms
 from servobus.core.units import show
 from servobus.errors import BadValue, UsageError
+from servobus.families.base import require_model
 
 
 @verb(

@@ -10,6 +10,9 @@ from servobus.core.registers import Area, Register
 from servobus.core.units import Flags
 from servobus.errors import BadValue, BusError, NoReply, Refused, UsageError
 from servobus.families.base import (
+    LIMP,
+    TRIES,
+    TURNS_NO_MORE,
     Answers,
     AxisMove,
     Family,
@@ -19,6 +22,7 @@ from servobus.families.base import (
     MotionStatus,
     Reading,
     ServoRef,
+    StopOutcome,
     adjacent,
     blocks,
     cannot,
@@ -72,13 +76,19 @@ class Dynamixel1(Family):
         return ping(check_id(id))
 
     def identify(self, id: int) -> Procedure[Identity]:
-        """Read model number, firmware and return level; a servo at level 0 answers PING alone (D-22)."""
+        """Read model number, firmware and return level; a servo at level 0 answers PING alone (D-22).
+
+        Where no answer comes the servo is asked for less, so that it takes more than one lost packet to count as mute.
+        """
         try:
             # In all models of protocol 1.0 the model number is at 0, the version at 2, the return level at 16.
             data = yield from read_data(check_id(id), 0, 17)
         except NoReply:
             yield from ping(id)
-            return Identity(None, "", Answers.NOTHING)
+            try:
+                data = (yield from read_data(id, 0, 3)) + bytes(13) + (yield from read_data(id, 16, 1))
+            except NoReply:
+                return Identity(None, "", Answers.NOTHING)
         return Identity(int.from_bytes(data[:2], "little"), str(data[2]), Answers(min(data[16], 2)))
 
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
@@ -87,7 +97,8 @@ class Dynamixel1(Family):
 
     def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         if target.answers is Answers.NOTHING:
-            raise cannot(target, "be read", "its Status Return Level is 0; write status_return_level first")
+            mend = f"`servobus write PORT {target.id} status_return_level=1` lets it answer"
+            raise cannot(target, "be read", f"its Status Return Level is 0; {mend}")
         # A second exchange costs 14 bytes of frames and the return delay: rather bridge a gap as wide.
         spans = blocks(
             ((_address(register), register.layout.size) for register in registers), gap=16, longest=RX_BUFFER - 6
@@ -156,14 +167,23 @@ class Dynamixel1(Family):
         (moving,) = yield from self.read(target, [target.model.register("moving")])
         return bool(moving)
 
-    def stop(self, target: ServoRef) -> Procedure[None]:
-        model = target.model
-        motion_status = yield from self.motion_status(target)
-        if motion_status.turning:
-            yield from self.put(target, {model.register("moving_speed"): 0}, keep=False)
-            return
-        (position,) = yield from self.read(target, [model.register("present_position")])
-        yield from self.put(target, {model.register("goal_position"): position}, keep=False)
+    def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
+        """In endless turn Moving Speed 0 ends the motion (3-4-3), else a goal where the shaft is."""
+        goal, speed = (target.model.register(name) for name in ("goal_position", "moving_speed"))
+        for _ in range(TRIES):
+            motion_status = yield from self.motion_status(target)
+            if motion_status.turning:
+                row, raw, outcome = speed, 0, TURNS_NO_MORE if motion_status.torque else LIMP
+            elif not motion_status.torque:
+                return LIMP  # and a goal would switch it on
+            elif (here := self.reachable(target, motion_status)) is None:
+                return (yield from self.outside(target, motion_status))
+            else:
+                row, raw, outcome = goal, here, StopOutcome(f"held at {goal.show(goal.decode(here))}")
+            yield from self.put(target, {row: raw}, keep=False)
+            if _answers(target) or (yield from self.read(target, [row])) == [raw]:
+                return outcome
+        raise BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
 
     def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         model = target.model

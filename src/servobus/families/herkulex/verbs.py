@@ -11,9 +11,12 @@ from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Location, Register
-from servobus.core.units import show
+from servobus.core.units import deg, show
 from servobus.errors import BadValue, BusError, NoReply, Refused
 from servobus.families.base import (
+    LIMP,
+    TRIES,
+    TURNS_NO_MORE,
     Answers,
     AxisMove,
     Family,
@@ -23,6 +26,7 @@ from servobus.families.base import (
     MotionStatus,
     Reading,
     ServoRef,
+    StopOutcome,
     adjacent,
     blocks,
     cannot,
@@ -77,6 +81,9 @@ _COLOURS = {
     "cyan": Led.GREEN | Led.BLUE, "magenta": Led.BLUE | Led.RED, "yellow": Led.GREEN | Led.RED,
 }  # fmt: skip
 _KEEPS = {"id": Keep.ID, "baud": Keep.BAUD, "calibration": Keep.CALIBRATION}
+LOOKS, WATCH, PLAY = 3, 0.03, 0.1 * deg
+"""How often it is looked whether a shaft stands, s between two looks, and rad that count as none. Assumptions: a shaft
+without load comes to rest from full speed within them; slower than 3°/s counts as rest."""
 _TURN_PLAYTIME = 60
 """Playtime in the manual's example of infinite turn (6-5); what it does there is not said (EH-40)."""
 
@@ -109,12 +116,19 @@ class Herkulex(Family):
         """Read model, version and ACK Policy; a servo with policy 0 answers STAT alone (H-25)."""
         try:
             model = yield from eep_read(id, 0, 4)
-            policy = yield from ram_read(id, ACK_POLICY, 1)
         except NoReply:
-            yield from stat(id)
-            return Identity(None, "", Answers.NOTHING)
+            model = None
+        try:
+            (policy,) = yield from ram_read(id, ACK_POLICY, 1)
+        except NoReply:
+            if model is None:
+                yield from stat(id)
+            policy = Answers.NOTHING if model is None else Answers.READS
+        answers = Answers(min(policy, 2))
+        if model is None:
+            return Identity(None, "", answers)
         # Version bytes 00 90 read as "0.90": an assumption, the manual does not say how they are written.
-        return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", Answers(min(policy[0], 2)))
+        return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", answers)
 
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
         """STAT, and reads: an ACK tells command, address and length of its request."""
@@ -182,13 +196,41 @@ class Herkulex(Family):
         ack = yield from stat(target.id)
         return ack.status_detail & (StatusDetail.MOVING | StatusDetail.INPOSITION) == StatusDetail.MOVING
 
-    def stop(self, target: ServoRef) -> Procedure[None]:
-        """Send a JOG with the stop flag; beside it speed 0 or the present position, in case they count (H-82)."""
-        motion_status = yield from self.motion_status(target)
-        if motion_status.turning:
-            yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
-        else:
+    def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
+        """Send a JOG with the stop flag; beside it speed 0 or the present position, in case they count (H-82).
+
+        By default nothing answers a JOG. That it has arrived shows in the goal, which is another then, or else in the
+        shaft, which stands.
+        """
+        row = target.model.register("goal_position")
+        for _ in range(TRIES):
+            motion_status = yield from self.motion_status(target)
+            if not motion_status.torque:
+                return LIMP
+            if motion_status.turning:
+                yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
+                if (yield from self._stands(target)):
+                    return TURNS_NO_MORE
+                continue
+            if self.reachable(target, motion_status) is None:
+                return (yield from self.outside(target, motion_status))
+            before = yield from self.read(target, [row])
             yield from _jog(target, Jog(target.id, _nearest(target, motion_status), stop=True))
+            if (yield from self.read(target, [row])) != before or (yield from self._stands(target)):
+                return StopOutcome(f"held at {row.show(motion_status.position)}")
+        raise BusError(f"{target} still moves: it did not take a JOG with the stop flag")
+
+    def _stands(self, target: ServoRef) -> Procedure[bool]:
+        """Compare positions until two are the same, but for the play of a shaft that is held."""
+        row = target.model.register("present_position")
+        (before,) = yield from self.read(target, [row])
+        for _ in range(LOOKS):
+            yield Pause(WATCH)
+            (after,) = yield from self.read(target, [row])
+            if abs(row.decode(after) - row.decode(before)) <= PLAY:
+                return True
+            before = after
+        return False
 
     def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         """Switch torque. The servo itself takes the present position as its goal (H-51).
@@ -392,7 +434,8 @@ HERKULEX = Herkulex()
 def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequence[Location]) -> Reading:
     """Tell what to ask for registers that stand at the spots given."""
     if target.answers is Answers.NOTHING:
-        raise cannot(target, "be read", "its ACK Policy is 0; write ack_policy first")
+        mend = f"`servobus write PORT {target.id} ack_policy=reads` lets it answer"
+        raise cannot(target, "be read", f"its ACK Policy is 0; {mend}")
     wanted = list(zip(registers, spots, strict=True))
     exchanges: list[Exchange[bytes]] = []
     found: dict[Location, tuple[int, int]] = {}
