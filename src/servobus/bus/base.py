@@ -256,9 +256,9 @@ class BaseBus(Closed, Generic[S]):
     def identify(self, family: Family, id: int, baud: int, number: int | None) -> type[Model] | None:
         """Tell the model of a servo that reports this number, as far as it can be known.
 
-        What the servo says itself comes first, if such a model is known; then what `attach` gave, then `models`, and for
-        one that says nothing what it is known as here. Else its model is unknown: the generic one of its family, which
-        has what all models share, or None if the family has no such model.
+        What the servo says itself comes first, if such a model is known; then what `attach` gave, then `models`, and
+        for one that says nothing what it is known as here. Else its model is unknown: the generic one of its family,
+        which has what all models share, or None if the family has no such model.
         """
         said = registry.identified(family, number)
         attached = self._servos.attached_model(family.name, id, baud)

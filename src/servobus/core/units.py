@@ -105,10 +105,18 @@ class Count(Scale[int]):
             raise ValueError(f"{text!r} is not a whole number") from None
 
 
-class Raw(Count):
-    """A raw integer whose unit is not known here, for it differs from model to model."""
+class Raw(Scale[float]):
+    """A raw integer that is a quantity of a unit not known here, for that differs from model to model."""
 
-    def show(self, value: int) -> str:
+    def decode(self, raw: int) -> float:
+        return raw
+
+    def encode(self, value: float) -> int:
+        if int(_number(value)) != value:
+            raise ValueError(f"{_said(value)} is not a whole number, as a raw value is")
+        return int(value)
+
+    def show(self, value: float) -> str:
         return f"{value} (raw)"
 
 

@@ -509,8 +509,7 @@ def require_model(target: ServoRef, what: str) -> None:
     """Raise UsageError if it is not known what an angle is on this servo, for its model is not known."""
     if target.model.unscaled("goal_position"):
         raise UsageError(
-            f"{target} cannot {what} as long as its model is not known, for each model has its own units; "
-            f"{TELL_MODEL}"
+            f"{target} cannot {what} as long as its model is not known, for each model has its own units; {TELL_MODEL}"
         )
 
 

@@ -9,8 +9,8 @@ A table inherits the rows of its parents. A row in the class body takes the plac
 `NAME = None` takes that one out. Inherited rows are copies, so each says whose it is; a row of a parent can be used for
 a child all the same, see `Model.own`. A table is checked when its class is made: a wrong one cannot be imported.
 
-At the head of a family stands a table of what all its models share, and a model made from that alone which stands for
-servos whose model is not known: `generic = True`. It has no data sheet, and what has another unit from model to model is
+At the head of a family stands a table of what all its models share, and a model made from that alone, which stands for
+servos whose model is not known: `generic = True`. It has no data sheet. What has another unit from model to model is
 `RAW` in it and can only be read.
 """
 
@@ -65,7 +65,7 @@ OPTIONAL = {
 _TOLD = ("family", "number", "sheet", "factory_baud", "bauds", "turn_scale")
 """What a model must say beside its table."""
 _SHEET = ("sheet", "turn_scale")
-"""What of that a model lacks that stands for servos of an unknown one: a sheet always, a turn_scale where that differs."""
+"""What of that a generic model lacks: the sheet always, the scale of endless turn where that differs."""
 
 
 @frozen
@@ -263,7 +263,7 @@ class Model:
         if row is not None and related and isinstance(row.scale, Raw) and register.owner is not row.owner:
             raise UsageError(
                 f"{register.model} {register.name} is no register of {cls.title}, where its unit is not known; "
-                f"\"{register.name}\" reads it raw, and --model, models= or attach() tells the model"
+                f'"{register.name}" reads it raw, and --model, models= or attach() tells the model'
             )
         if row is None or not related or not row.same_value(register):
             raise UsageError(f"{register.model} {register.name} is not a register of {cls.title}")

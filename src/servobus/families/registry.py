@@ -10,6 +10,7 @@ known and is in no list of models. Entry points are looked for when a question g
 is not known, a look at all families), never at import: reading what is installed takes longer than reading a servo.
 """
 
+import itertools
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -154,7 +155,10 @@ def _mentioned() -> bool:
 
 
 def model(name: str) -> type[Model]:
-    """Find a model as people write it: "rx28", "RX-28", or "dynamixel" for one that is not known. Raises UnknownName."""
+    """Find a model as people write it: "rx28", "RX-28"; or "dynamixel", which stands for those that are not known.
+
+    Raises UnknownName.
+    """
     key = name.replace("-", "").replace("_", "").lower()
     found = MODELS.get(key)
     if found is None:
@@ -181,8 +185,12 @@ def identified(family: Family, number: int | None) -> type[Model] | None:
 def unknown(family: Family, number: int | None = None) -> type[Model] | None:
     """Give the model that stands for a servo of a family of which no more is known, or no more than a number.
 
-    None for a family that has no such model.
+    None for a family that has no such model. Where no servo of a family can say what it is, the first model stands for
+    all, whose table is then that of the family.
     """
+    first = next(models_of(family), None)
+    if first is not None and number is None and all(model.number is None for model in models_of(family)):
+        return first
     generic = GENERIC.get(family.name)
     if generic is None or number is None:
         return generic
@@ -224,24 +232,24 @@ def names(known: Iterable[str]) -> str:
 
 
 def _no_such(kind: str, name: str, known: list[str]) -> str:
-    import difflib  # noqa: PLC0415 - only ever needed for this message
-
-    near = difflib.get_close_matches(name.lower(), known, n=3, cutoff=0.8)
-    # One digit more or less, or two swapped, is a slip; another digit is another model.
-    slips = [one for one in near if _are_near(_digits(name), _digits(one))]
-    hint = f"did you mean {slips[0]}?" if slips else f"known are {', '.join(known)}"
+    key = name.replace("-", "").replace("_", "").lower()
+    # One series has not the models of another: an MX-28 is no RX-28 with a slip.
+    near = [one for one in known if _one_slip(key, one) and (kind != "model" or _series(key) == _series(one))]
+    hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
     return f"no {kind} {name!r}; {hint}"
 
 
-def _digits(name: str) -> str:
-    return "".join(filter(str.isdecimal, name))
+def _series(key: str) -> str:
+    return "".join(itertools.takewhile(str.isalpha, key))
 
 
-def _are_near(one: str, other: str) -> bool:
-    """Tell whether two numbers have the same digits, or one of them has one more."""
+def _one_slip(one: str, other: str) -> bool:
+    """Tell whether two names differ by one letter more, less or other, or by two that are swapped."""
+    if len(one) == len(other):
+        wrong = [at for at in range(len(one)) if one[at] != other[at]]
+        return len(wrong) <= 1 or (len(wrong) == 2 and [one[at] for at in wrong] == [other[at] for at in wrong[::-1]])
     short, long = sorted((one, other), key=len)
-    lacking = {long[:at] + long[at + 1 :] for at in range(len(long))}
-    return sorted(one) == sorted(other) or short in lacking
+    return any(long[:at] + long[at + 1 :] == short for at in range(len(long)))
 
 
 add(RX28, DRS0602, LX16A, UnknownDynamixel, UnknownHerkulex, UnknownLx)

@@ -117,16 +117,13 @@ class Herkulex(Family):
         try:
             model = yield from eep_read(id, 0, 4)
         except NoReply:
-            model = None
+            yield from stat(id)
+            return Identity(None, "", Answers.NOTHING)
         try:
             (policy,) = yield from ram_read(id, ACK_POLICY, 1)
         except NoReply:
-            if model is None:
-                yield from stat(id)
-            policy = Answers.NOTHING if model is None else Answers.READS
+            policy = Answers.READS  # it has just answered one
         answers = Answers(min(policy, 2))
-        if model is None:
-            return Identity(None, "", answers)
         # Version bytes 00 90 read as "0.90": an assumption, the manual does not say how they are written.
         return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", answers)
 

@@ -93,7 +93,8 @@ class RX28(DynamixelTable):
     goal_position = DynamixelTable.goal_position.with_(layout=U10, scale=angle, limits=(0, 1023), access=READ_WRITE)
     moving_speed = DynamixelTable.moving_speed.with_(
         scale=speed,
-        meaning="speed to the goal, 0 is uncontrolled full speed; in endless turn a share of full output with direction",
+        meaning="speed to the goal, 0 is uncontrolled full speed; in endless turn a share of full output with "
+        "direction",
         default=0, access=READ_WRITE,
         note="ED-14: bit 10, the direction, is accepted in endless turn only",
     )  # fmt: skip

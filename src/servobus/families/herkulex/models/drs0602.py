@@ -56,9 +56,7 @@ class DRS0602(HerkulexTable):
     )
     baud_rate = HerkulexTable.baud_rate
     reserved_6 = Register(Eep(5), U8, Count(), "reserved, NO 6", access=RESERVED)
-    id = HerkulexTable.id.with_(
-        default=219, note="EH-05: 219; the 253 of all examples is the default of older models"
-    )
+    id = HerkulexTable.id.with_(default=219, note="EH-05: 219; the 253 of all examples is the default of older models")
     alarm_led_policy = HerkulexTable.alarm_led_policy.with_(default=0x5F)
     torque_policy = HerkulexTable.torque_policy.with_(default=0x15)
     reserved_11 = Register(EepRam(10, 4), U8, Count(), "reserved, NO 11", access=RESERVED)

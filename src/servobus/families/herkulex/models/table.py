@@ -1,7 +1,7 @@
 """What all models of HerkuleX share, and the servo of which nothing more is known.
 
-Sources: DRS-0602 user's manual, section 4-2 (register map); the maps of DRS-0101 and 0201 in their manual, and of DRS-0401,
-0402 and 0601 as other drivers and the maker's PC tool have them, show these rows at the same addresses.
+Sources: DRS-0602 user's manual, section 4-2 (register map); the maps of DRS-0101 and 0201 in their manual, and of
+DRS-0401, 0402 and 0601 as other drivers and the maker's PC tool have them, show these rows at the same addresses.
 """
 
 from servobus.core.registers import S8, S16, U8, U16, Access, Int, Register
@@ -62,16 +62,12 @@ class HerkulexTable(Model):
         EepRam(7, 1), U8, Choice(Answers), "which requests are answered beside STAT: 0 none, 1 reads, 2 all",
         default=1, limits=(0, 2), note="EH-12: RAM address 1, not 14",
     )  # fmt: skip
-    alarm_led_policy = Register(
-        EepRam(8, 2), U8, errors, "errors that make the red light blink", limits=(0, 0x7F)
-    )
+    alarm_led_policy = Register(EepRam(8, 2), U8, errors, "errors that make the red light blink", limits=(0, 0x7F))
     torque_policy = Register(
         EepRam(9, 3), U8, errors, "errors that switch the torque off", limits=(0, 0x7F),
         note="EH-24: also called Servo Policy",
     )  # fmt: skip
-    max_temperature = Register(
-        EepRam(11, 5), U8, RAW, "temperature above which an error is reported", access=READ
-    )
+    max_temperature = Register(EepRam(11, 5), U8, RAW, "temperature above which an error is reported", access=READ)
     min_voltage = Register(EepRam(12, 6), U8, RAW, "supply below which an error is reported", access=READ)
     max_voltage = Register(EepRam(13, 7), U8, RAW, "supply above which an error is reported", access=READ)
     acceleration_ratio = Register(
