@@ -49,6 +49,8 @@ def turn(
     """
     if [output is not None, speed is not None, end].count(True) != 1:
         raise click.UsageError("say one of --output, --speed and --end")
+    if output is not None and abs(output) > 1:
+        raise click.BadParameter(f"{100 * output:g} % is not in -100 .. 100", param_hint="--output")
     if limits is not None and not end:
         raise click.UsageError("--limits goes with --end")
     with open_port(port) as bus, sigterm_as_interrupt():

@@ -18,7 +18,7 @@ from typing import Any, ClassVar, Generic, Literal, TypeAlias, TypeVar
 
 from servobus.core.units import Quantity, Scale, Switch
 from servobus.core.values import frozen, replace
-from servobus.errors import BadReading, BadValue
+from servobus.errors import BadReading, BadValue, UsageError
 
 T = TypeVar("T")
 
@@ -325,6 +325,16 @@ class Register(Generic[T]):
         except ValueError:
             return f"raw {raw}"
         return shown if shown == str(raw) else f"{shown} (raw {raw})"
+
+
+def register_name(register: "Register[Any] | str") -> str:
+    """Give the name that stands for a register on every model. Raises UsageError for what is neither."""
+    given: object = register
+    if isinstance(given, Register):
+        return given.name
+    if not isinstance(given, str):
+        raise UsageError(f"{given!r:.60} is no register: give one such as RX28.present_position, or its name")
+    return given
 
 
 def check_row(row: Register[Any]) -> None:

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, TypeVar
 from servobus.core.exchange import Exchange, Procedure, ReplyPattern
 from servobus.core.framing import Framing, Packet
 from servobus.core.registers import Area, Int, Register
+from servobus.core.units import finite, said
 from servobus.core.values import frozen
 from servobus.errors import BadValue, BusError, UsageError
 from servobus.families.model import Model, Performance, SpecSheet
@@ -391,9 +392,10 @@ def fetch(reading: Reading) -> Procedure[list[int]]:
 
 def check_output(output: float) -> float:
     """Give a share of full output back, or raise BadValue."""
-    if not -1 <= output <= 1:
-        raise BadValue(f"output {output} is not in -1 .. 1")
-    return output
+    share = finite(output)
+    if share is None or not -1 <= share <= 1:
+        raise BadValue(f"output {said(output)} is not a share of full output, -1 .. 1")
+    return share
 
 
 def policy_register(model: type[Model]) -> Register[Any] | None:

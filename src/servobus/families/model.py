@@ -204,12 +204,25 @@ class Model:
         """Find a row by its name or alias. Raises UnknownName, with the nearest names."""
         row = cls.registers.get(cls.aliases.get(name, name))
         if row is None:
+            raise UnknownName(f"{cls.title} has no register {name!r:.60}; {cls._instead_of(name)}")
+        return row
+
+    @classmethod
+    def _instead_of(cls, name: object) -> str:
+        """Say what may be meant by what is no name of a register."""
+        word = str(name).strip().lower()
+        if word.isdecimal():
+            near = [row.name for row in cls.registers.values() if any(at == int(word) for _, at in row.place.locations)]
+        else:
             import difflib  # noqa: PLC0415 - only ever needed for this message
 
-            near = difflib.get_close_matches(name, [*cls.registers, *cls.aliases], n=3, cutoff=0.5)
-            hint = f"; did you mean {' or '.join(near)}?" if near else ""
-            raise UnknownName(f"{cls.title} has no register {name!r}{hint}")
-        return row
+            names = [*cls.registers, *cls.aliases]
+            close = difflib.get_close_matches(word.replace(" ", "_"), names, n=3, cutoff=0.5)
+            parts = [known for known in names if len(word) > 2 and word in known]
+            near = close[:1] if word.replace(" ", "_") in close else list(dict.fromkeys(parts + close))[:3]
+        if near:
+            return f"did you mean {' or '.join(near)}?"
+        return f"`servobus registers {cls.key()}` lists them"
 
     @classmethod
     def optional(cls, name: str) -> Register[Any] | None:
