@@ -23,6 +23,7 @@ from servobus.connect import open, open_async
 from servobus.core.units import deg, ms, rpm
 from servobus.errors import (
     BadChecksum,
+    BadReading,
     BadValue,
     BrokenEcho,
     BusError,
@@ -82,6 +83,7 @@ __all__ = [
     "AsyncMove",
     "Backup",
     "BadChecksum",
+    "BadReading",
     "BadValue",
     "BrokenEcho",
     "Bus",

@@ -16,6 +16,7 @@
     │   ├── DuplicateId               two answers to one question: two servos have one id
     │   ├── BrokenEcho                the line gave back something else than was sent
     │   ├── LineBusy                  bytes keep coming although nothing was asked
+    │   ├── BadReading (ValueError)   a register reads as what it cannot hold, or as a code without meaning
     │   └── Refused                   the servo understood and said no
     └── MotionError                   motion was refused, or ended before its goal: no fault of the line
         ├── TorqueOff                 a move was asked of a servo without torque
@@ -115,6 +116,13 @@ class BrokenEcho(BusError):
 
 class LineBusy(BusError):
     """Bytes keep coming although nothing was asked: another master, or noise."""
+
+
+class BadReading(BusError, ValueError):
+    """A register reads as what it cannot hold, or as a code without a known meaning, also when asked again.
+
+    `read_raw` gives it as it is.
+    """
 
 
 class WrongReply(BusError):

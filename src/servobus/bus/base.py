@@ -283,7 +283,7 @@ class BaseBus(Closed, Generic[S]):
         for servo, row in rows.items():
             yield SetBaud(servo.baud)
             (raw,) = yield from servo.family.read(servo.target, [row])
-            values[servo] = row.decode(raw)
+            values[servo] = row.decode(raw, servo.target)
         return ByServo(values)
 
     @bus_method

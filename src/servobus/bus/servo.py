@@ -175,7 +175,7 @@ class Servo(Closed):
         """Read several registers in as few exchanges as possible; gives name -> value."""
         rows = [self._own(register) for register in registers]
         values = yield from self.family.read(self.target, rows)
-        return {row.name: row.decode(raw) for row, raw in zip(rows, values, strict=True)}
+        return {row.name: row.decode(raw, self.target) for row, raw in zip(rows, values, strict=True)}
 
     @bus_method
     def read_raw(self, registers: Iterable[Register[Any] | str]) -> Procedure[list[int]]:
@@ -388,7 +388,7 @@ class Servo(Closed):
         """Make the one exchange that reads one register."""
         reading = self.family.reading(self.target, [register])
         (exchange,), ((_, part, layout),) = reading.exchanges, reading.places
-        answer, unpack, decode = exchange.interpret, layout.unpacker(), register.scale.decode
+        answer, unpack, decode = exchange.interpret, layout.unpacker(), register.decoder(self.target)
         return exchange.mapped(lambda packet: decode(unpack(answer(packet)[part])))
 
     def _own(self, register: Register[T] | str) -> Register[T]:
