@@ -60,9 +60,8 @@ def listed_baud(target: KnownServo, baud: int) -> int:
     row = model.optional("baud")
     if row is None or baud in model.bauds:
         return baud
-    code = _code(row, baud)
     for listed in model.bauds:
-        if code is not None and _code(row, listed) == code:
+        if is_one_speed(model, baud, listed):
             return listed
     below = [listed for listed in model.bauds if listed < baud]
     above = [listed for listed in model.bauds if listed > baud]
@@ -72,6 +71,12 @@ def listed_baud(target: KnownServo, baud: int) -> int:
         f"{target} is not set to {baud} baud: no scan would find it there, and it can be set to {speeds} baud; "
         f"the nearest is {near}"
     )
+
+
+def is_one_speed(model: type[Model], one: int, other: int) -> bool:
+    """Tell whether two speeds are one to a servo: it has one code for both."""
+    row = model.optional("baud")
+    return one == other or (row is not None and _code(row, one) is not None and _code(row, one) == _code(row, other))
 
 
 def _code(row: Register[Any], baud: int) -> int | None:
@@ -92,13 +97,11 @@ def change_baud(target: KnownServo, baud: int) -> Procedure[int]:
     family, row = target.model.family, target.model.optional("baud")
     new_baud = listed_baud(target, baud)
     old, new = BusAddress(check_id(target.id), target.baud), BusAddress(target.id, new_baud)
-    if row is None or _code(row, old.baud) == _code(row, new_baud):  # one speed, whatever it is called
-        if row is None and new != old:
-            yield from family.set_baud(target, new_baud)  # says why it cannot
+    if is_one_speed(target.model, old.baud, new_baud):
         if row is None or target.answers is Answers.NOTHING:
             return new_baud
         if (yield from family.read_stored(target, [row])) == [row.encode(new_baud)]:
-            return new_baud
+            return new_baud  # else a HerkuleX was told another one, for its next start
     elif (yield from _taken(family, new, old)):
         raise UsageError(
             f"another servo answers to id {target.id} at {new_baud} baud: give one of them another id first"
