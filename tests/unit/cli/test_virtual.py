@@ -118,3 +118,18 @@ def test_demo(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_demo_length(refused: Callable[..., str]) -> None:
     assert "--seconds 0 is not in" in refused("demo", "--seconds", "0")
     assert "--seconds nan is not in" in refused("demo", "--seconds", "nan")
+
+
+def test_P3_the_adapter_is_chosen_by_an_option(load: Callable[..., Any], run: Run) -> None:
+    with served("lx16a@1", "--adapter", "usb:40ms") as port, servobus.open(port) as bus:
+        arm = bus.find(1, family="lewansoul")
+        start = bus.transport.now()
+        arm.ping()
+        assert bus.transport.now() - start >= 0.04
+    said = run("virtual", "lx16a@1", "--adapter", "ftdi", code=2)
+    assert "whole, none, usb" in said.stderr
+
+
+def test_M13_the_cases_have_a_temperature(load: Callable[..., Any]) -> None:
+    with served("rx28@1", "--temperature", "60") as port:
+        assert load("read", port, 1, "present_temperature")["present_temperature"]["value"] == 60
