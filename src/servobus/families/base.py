@@ -9,15 +9,19 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import IntEnum
 from typing import Any, ClassVar, TypeVar
 
-from servobus.core.exchange import Exchange, Procedure, ReplyPattern
+from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, told
 from servobus.core.framing import Framing, Packet
 from servobus.core.registers import Area, Int, Register
+from servobus.core.units import deg
 from servobus.core.values import frozen
 from servobus.errors import BadValue, BusError, UsageError
 from servobus.families.model import Model, Performance, SpecSheet
 from servobus.families.record import MotionPermit, ServoRecord
 
 __all__ = [
+    "LIMP",
+    "TRIES",
+    "TURNS_NO_MORE",
     "Answers",
     "AxisMove",
     "Family",
@@ -29,6 +33,7 @@ __all__ = [
     "Reading",
     "ServoRef",
     "SpecSheet",
+    "StopOutcome",
     "adjacent",
     "blocks",
     "cannot",
@@ -39,6 +44,13 @@ __all__ = [
 ]
 
 T = TypeVar("T")
+
+TRIES = 3
+"""Times that a servo is told to stop, or to let go, before something else is done about it."""
+ANSWERED = 0.005
+"""s in which a servo has answered what was only told; assumption, at 57600 baud and more."""
+SLACK = 2 * deg
+"""Way to the nearer limit that a stop may make a servo go; assumption: about what a loaded shaft gives way."""
 
 
 class Answers(IntEnum):
@@ -113,6 +125,23 @@ class MotionStatus:
     """Position limits set in the servo, raw goal units."""
     turning: bool
     """In wheel, motor or infinite turn mode, where a goal does not move it."""
+
+
+@frozen
+class StopOutcome:
+    """What a stop did with a servo."""
+
+    text: str
+    """In words: "held at 201.5°", "let go: ..."."""
+    let_go: bool = False
+    """Whether its torque is off now, so that its shaft turns freely."""
+
+    def __str__(self) -> str:
+        return self.text
+
+
+LIMP = StopOutcome("it drives nothing: its torque was off", let_go=True)
+TURNS_NO_MORE = StopOutcome("it turns no more")
 
 
 @frozen
@@ -291,9 +320,76 @@ class Family(ABC):
     def moving(self, target: ServoRef) -> Procedure[bool]:
         """Tell whether the servo still moves towards its goal."""
 
+    def stop(self, target: KnownServo) -> Procedure[StopOutcome]:
+        """End the motion, whatever state the servo is in: hold it where it is, or let go of it.
+
+        It is held by `hold`. Where that fails, for an answer is lost, makes no sense or says no, its torque is switched
+        off. Raises BusError only if nothing shows that this has arrived: then the servo may still move.
+        """
+        try:
+            return (yield from self.hold(target))
+        except (BusError, ValueError) as error:
+            why = str(error)
+        yield from self.let_go(target)
+        return StopOutcome(f"let go, its torque is off: it could not be held ({why})", let_go=True)
+
     @abstractmethod
-    def stop(self, target: ServoRef) -> Procedure[None]:
-        """End the motion and hold the present position. It is not subject to `max_step`, nor recorded."""
+    def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
+        """End the motion and hold the present position, or the nearest one that its limits allow; see `reachable`.
+
+        Makes sure that it was heard. Not subject to `max_step`, nor recorded. Raises BusError, or UsageError for a
+        servo that answers no reads; `stop` goes on from there.
+        """
+
+    def let_go(self, target: KnownServo) -> Procedure[None]:
+        """Switch the torque off without asking anything first, again and again until it is known to be off.
+
+        Of a servo that answers no reads it is only made sure that it is there. Raises BusError if its torque may still
+        be on.
+        """
+        torque = target.model.register("torque_enable")
+        target.record.forget([torque])
+        error: BusError | None = None
+        for attempt in range(TRIES):
+            try:
+                if attempt == 0:
+                    yield from self.put(target, {torque: 0}, keep=False)
+                    if target.answers is Answers.EVERYTHING:
+                        break
+                else:
+                    # What is answered waits for a quiet line, and for old answers; what is only told does not.
+                    yield from told(self.put(target, {torque: 0}, keep=False))
+                    yield Pause(ANSWERED)
+                if target.answers is not Answers.NOTHING:
+                    (raw,) = yield from self.read(target, [torque])
+                    if not self.torque_on(raw):
+                        break
+                    error = BusError(f"{target}: its torque is still on")
+            except BusError as trouble:
+                error = trouble
+        else:
+            if target.answers is Answers.NOTHING:
+                yield from self.ping(target.id)
+            elif error is not None:
+                raise error
+        target.record.set({torque: 0})
+
+    def reachable(self, target: ServoRef, status: MotionStatus) -> int | None:
+        """Give the raw goal that holds a servo where it is.
+
+        Outside its limits that is the nearer limit; None if that is farther off than SLACK, for it would move.
+        """
+        row = target.model.register("goal_position")
+        here = row.scale.encode(status.position)
+        goal = min(max(here, status.low), status.high)
+        return goal if abs(row.decode(goal) - row.decode(here)) <= SLACK else None
+
+    def outside(self, target: KnownServo, status: MotionStatus) -> Procedure[StopOutcome]:
+        """Let go of a servo that cannot be held because it stands outside its limits."""
+        row = target.model.register("goal_position")
+        yield from self.let_go(target)
+        where, low, high = (row.show(angle) for angle in (status.position, *map(row.decode, (status.low, status.high))))
+        return StopOutcome(f"let go, its torque is off: it stood at {where}, outside its limits {low} .. {high}", True)
 
     @abstractmethod
     def torque(self, target: KnownServo, on: bool) -> Procedure[None]:

@@ -456,6 +456,9 @@ class Link:
             # What is not sent twice must not meet a servo that still takes bytes of another speed for a packet.
             until = max(until, self._clock.forgotten_at(exchanges[0].framing))
         yield from self._until(until)
+        if exchanges[0].anyway:
+            self.state = UNSURE  # whatever comes now belongs to nothing
+            return {}
         yield from self._quiet(exchanges[0])
         refused: dict[int, BusError] = {}
         asked = [(exchange, reply) for exchange in exchanges for reply in exchange.replies or (None,)]

@@ -10,6 +10,9 @@ from servobus.core.registers import Area, Register
 from servobus.core.units import Flags
 from servobus.errors import BadValue, BusError, NoReply, Refused, UsageError
 from servobus.families.base import (
+    LIMP,
+    TRIES,
+    TURNS_NO_MORE,
     Answers,
     AxisMove,
     Family,
@@ -19,6 +22,7 @@ from servobus.families.base import (
     MotionStatus,
     Reading,
     ServoRef,
+    StopOutcome,
     adjacent,
     blocks,
     cannot,
@@ -156,14 +160,23 @@ class Dynamixel1(Family):
         (moving,) = yield from self.read(target, [target.model.register("moving")])
         return bool(moving)
 
-    def stop(self, target: ServoRef) -> Procedure[None]:
-        model = target.model
-        motion_status = yield from self.motion_status(target)
-        if motion_status.turning:
-            yield from self.put(target, {model.register("moving_speed"): 0}, keep=False)
-            return
-        (position,) = yield from self.read(target, [model.register("present_position")])
-        yield from self.put(target, {model.register("goal_position"): position}, keep=False)
+    def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
+        """In endless turn Moving Speed 0 ends the motion (3-4-3), else a goal where the shaft is."""
+        goal, speed = (target.model.register(name) for name in ("goal_position", "moving_speed"))
+        for _ in range(TRIES):
+            motion_status = yield from self.motion_status(target)
+            if motion_status.turning:
+                row, raw, outcome = speed, 0, TURNS_NO_MORE if motion_status.torque else LIMP
+            elif not motion_status.torque:
+                return LIMP  # and a goal would switch it on
+            elif (here := self.reachable(target, motion_status)) is None:
+                return (yield from self.outside(target, motion_status))
+            else:
+                row, raw, outcome = goal, here, StopOutcome(f"held at {goal.show(goal.decode(here))}")
+            yield from self.put(target, {row: raw}, keep=False)
+            if _answers(target) or (yield from self.read(target, [row])) == [raw]:
+                return outcome
+        raise BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
 
     def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         model = target.model

@@ -276,7 +276,7 @@ _CODES: dict[type, Code] = {
     Rollback: Code.ROLLBACK,
     Reboot: Code.REBOOT,
 }
-POSITION_LAYOUT, SPEED_LAYOUT = Int(2), Int(2, sign_bit=14)
+POSITION_LAYOUT, SPEED_LAYOUT = Int(2, flags=0x8000), Int(2, sign_bit=14, flags=0x8000)
 _STOP, _TURN, _INVALID, _NO_OVERRIDE, _LED_SHIFT = 0x01, 0x02, 0x20, 0x40, 2
 """Bits of SET (6-6)."""
 
@@ -363,7 +363,7 @@ def _unpack_jog(data: bytes, playtime: int = 0) -> Jog:
     mode = ControlMode.INFINITE_TURN if flags & _TURN else ControlMode.POSITION
     return Jog(
         id=data[3],
-        value=SPEED_LAYOUT.unpack(data[:2]) if mode else POSITION_LAYOUT.unpack(data[:2]) & 0x7FFF,
+        value=(SPEED_LAYOUT if mode else POSITION_LAYOUT).unpack(data[:2]),
         mode=mode,
         led=Led(flags >> _LED_SHIFT & 7),
         playtime=playtime,

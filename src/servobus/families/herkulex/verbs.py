@@ -11,9 +11,12 @@ from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Location, Register
-from servobus.core.units import show
+from servobus.core.units import deg, show
 from servobus.errors import BadValue, BusError, NoReply, Refused
 from servobus.families.base import (
+    LIMP,
+    TRIES,
+    TURNS_NO_MORE,
     Answers,
     AxisMove,
     Family,
@@ -23,6 +26,7 @@ from servobus.families.base import (
     MotionStatus,
     Reading,
     ServoRef,
+    StopOutcome,
     adjacent,
     blocks,
     cannot,
@@ -77,6 +81,9 @@ _COLOURS = {
     "cyan": Led.GREEN | Led.BLUE, "magenta": Led.BLUE | Led.RED, "yellow": Led.GREEN | Led.RED,
 }  # fmt: skip
 _KEEPS = {"id": Keep.ID, "baud": Keep.BAUD, "calibration": Keep.CALIBRATION}
+LOOKS, WATCH, PLAY = 3, 0.03, 0.1 * deg
+"""How often it is looked whether a shaft stands, s between two looks, and rad that count as none. Assumptions: a shaft
+without load comes to rest from full speed within them; slower than 3°/s counts as rest."""
 _TURN_PLAYTIME = 60
 """Playtime in the manual's example of infinite turn (6-5); what it does there is not said (EH-40)."""
 
@@ -180,13 +187,41 @@ class Herkulex(Family):
         ack = yield from stat(target.id)
         return ack.status_detail & (StatusDetail.MOVING | StatusDetail.INPOSITION) == StatusDetail.MOVING
 
-    def stop(self, target: ServoRef) -> Procedure[None]:
-        """Send a JOG with the stop flag; beside it speed 0 or the present position, in case they count (H-82)."""
-        motion_status = yield from self.motion_status(target)
-        if motion_status.turning:
-            yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
-        else:
+    def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
+        """Send a JOG with the stop flag; beside it speed 0 or the present position, in case they count (H-82).
+
+        By default nothing answers a JOG. That it has arrived shows in the goal, which is another then, or else in the
+        shaft, which stands.
+        """
+        row = target.model.register("goal_position")
+        for _ in range(TRIES):
+            motion_status = yield from self.motion_status(target)
+            if not motion_status.torque:
+                return LIMP
+            if motion_status.turning:
+                yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
+                if (yield from self._stands(target)):
+                    return TURNS_NO_MORE
+                continue
+            if self.reachable(target, motion_status) is None:
+                return (yield from self.outside(target, motion_status))
+            before = yield from self.read(target, [row])
             yield from _jog(target, Jog(target.id, _nearest(target, motion_status), stop=True))
+            if (yield from self.read(target, [row])) != before or (yield from self._stands(target)):
+                return StopOutcome(f"held at {row.show(motion_status.position)}")
+        raise BusError(f"{target} still moves: it did not take a JOG with the stop flag")
+
+    def _stands(self, target: ServoRef) -> Procedure[bool]:
+        """Compare positions until two are the same, but for the play of a shaft that is held."""
+        row = target.model.register("present_position")
+        (before,) = yield from self.read(target, [row])
+        for _ in range(LOOKS):
+            yield Pause(WATCH)
+            (after,) = yield from self.read(target, [row])
+            if abs(row.decode(after) - row.decode(before)) <= PLAY:
+                return True
+            before = after
+        return False
 
     def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         """Switch torque. The servo itself takes the present position as its goal (H-51).

@@ -10,6 +10,9 @@ from servobus.core.registers import Area, Register
 from servobus.core.units import Flags, deg
 from servobus.errors import BadValue, BusError, Refused
 from servobus.families.base import (
+    LIMP,
+    TRIES,
+    TURNS_NO_MORE,
     Answers,
     AxisMove,
     Family,
@@ -19,6 +22,7 @@ from servobus.families.base import (
     MotionStatus,
     Reading,
     ServoRef,
+    StopOutcome,
     cannot,
     check_output,
 )
@@ -127,12 +131,29 @@ class Lewansoul(Family):
         after = yield from self.read(target, row)
         return before != after
 
-    def stop(self, target: ServoRef) -> Procedure[None]:
-        # First what ends a move, then the question that costs time. What command 12 does in motor mode
-        # is not said, so there the speed is set to 0.
-        yield from move_stop(target.id)
-        if (yield from self._mode(target)) == Mode.MOTOR:
-            yield from mode_write(target.id, Mode.MOTOR, 0)
+    def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
+        """Send command 12, which ends a move, then make sure: nothing answers it.
+
+        What it does in motor mode is not said, so there the speed is set to 0. Else a move to where the servo is
+        becomes its last one, and shows in command 2.
+        """
+        yield from move_stop(target.id)  # before the questions, which cost time
+        goal, speed = (target.model.register(name) for name in ("goal_position", "motor_speed"))
+        for _ in range(TRIES):
+            motion_status = yield from self.motion_status(target)
+            if motion_status.turning:
+                yield from mode_write(target.id, Mode.MOTOR, 0)
+                if (yield from self.read(target, [speed])) == [0]:
+                    return TURNS_NO_MORE if motion_status.torque else LIMP
+            elif not motion_status.torque:
+                return LIMP  # and a move may switch it on (L-69)
+            elif (here := self.reachable(target, motion_status)) is None:
+                return (yield from self.outside(target, motion_status))
+            else:
+                yield from move_time_write(target.id, here, 0)
+                if (yield from self.read(target, [goal])) == [here]:
+                    return StopOutcome(f"held at {goal.show(goal.decode(here))}")
+        raise BusError(f"{target} did not take that it is to stop")
 
     def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         """Nothing jumps: a servo that is loaded holds the angle at which it is (L-70, assumption)."""

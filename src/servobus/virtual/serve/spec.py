@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 from urllib.parse import parse_qsl
 
-from servobus.core.ids import LAST_ID, check_id
+from servobus.core.ids import parse_range
 from servobus.core.units import Switch, parse
 from servobus.errors import BadValue, UsageError
 from servobus.families import registry
@@ -106,7 +106,7 @@ def parse_specs(text: str) -> Servos:
             servos.append((registry.model(name), []))
         if not servos:
             raise UsageError(f"{text!r} names no servos; write MODEL@IDS, such as {EXAMPLE}")
-        servos[-1][1].extend(_ids(ids, text))
+        servos[-1][1].extend(parse_range(ids, text))
     return servos
 
 
@@ -183,18 +183,3 @@ def _load_value(name: str, value: str) -> float:
     if number < 0 and name in _NEVER_NEGATIVE:
         raise ValueError("it cannot be negative")
     return number
-
-
-def parse_ids(text: str) -> list[int]:
-    """Read "1-4,7". Raises UsageError."""
-    return [id for part in text.replace(" ", "").split(",") for id in _ids(part, text)]
-
-
-def _ids(text: str, whole: str) -> range:
-    match = re.fullmatch(r"(\d+)(?:-(\d+))?", text)
-    if not match:
-        raise UsageError(f"{whole!r}: {text!r} is no id; ids are numbers 0 .. {LAST_ID} and ranges, such as {EXAMPLE}")
-    first, last = check_id(int(match[1])), check_id(int(match[2] or match[1]))
-    if last < first:
-        raise UsageError(f"{whole!r}: {text} runs backwards")
-    return range(first, last + 1)

@@ -236,13 +236,19 @@ def test_moving(detail: int, moving: bool) -> None:
 
 
 def test_stop_holds_the_present_position() -> None:
-    _, steps = play(FAMILY.stop(SERVO), *motion_status(position=17000))
-    assert steps[-1] == IJog(219, (Jog(219, 17000, stop=True),))
+    # The goal at RAM 68 shows that the JOG has arrived: it is another then.
+    goals = [image(68, 2, absolute_goal_position=raw) for raw in (20480, 17000)]
+    outcome, steps = play(FAMILY.stop(SERVO), *motion_status(position=17000), *goals)
+    assert steps[-2:] == [IJog(219, (Jog(219, 17000, stop=True),)), RamRead(219, 68, 2)]
+    assert str(outcome) == "held at 17.1°"  # (17000 - 16384) * 0.02778
 
 
 def test_stop_a_turning_servo() -> None:
-    _, steps = play(FAMILY.stop(SERVO), *motion_status(mode=1))
-    assert steps[-1] == IJog(219, (Jog(219, 0, ControlMode.INFINITE_TURN, stop=True),))
+    stands = [image(58, 2, calibrated_position=20000)] * 2
+    outcome, steps = play(FAMILY.stop(SERVO), *motion_status(mode=1), *stands)
+    jog = next(step for step in steps if isinstance(step, IJog))
+    assert jog == IJog(219, (Jog(219, 0, ControlMode.INFINITE_TURN, stop=True),))
+    assert str(outcome) == "it turns no more"
 
 
 def test_torque() -> None:

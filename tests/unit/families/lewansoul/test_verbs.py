@@ -213,12 +213,20 @@ def test_a_servo_moves_if_its_position_changes(after: int) -> None:
 
 
 def test_stop_ends_a_move_first_and_then_an_endless_turn() -> None:
-    servo = Pretender(SERVO_OR_MOTOR_MODE_READ=(0, 0, 0))
-    servo.run_blocking(FAMILY.stop(TARGET))
-    assert servo.steps == ["SERVO_MOVE_STOP id 3", "SERVO_OR_MOTOR_MODE_READ id 3"]
-    servo = Pretender(SERVO_OR_MOTOR_MODE_READ=(1, 0, 800))
-    servo.run_blocking(FAMILY.stop(TARGET))
-    assert servo.steps[2:] == ["SERVO_OR_MOTOR_MODE_WRITE id 3, mode 1, null 0, speed 0"]
+    state: dict[str, tuple[int, ...]] = {
+        "SERVO_POS_READ": (500,), "SERVO_LOAD_OR_UNLOAD_READ": (1,), "SERVO_ANGLE_LIMIT_READ": (0, 1000),
+    }  # fmt: skip
+    servo = Pretender(**state, SERVO_OR_MOTOR_MODE_READ=(0, 0, 0), SERVO_MOVE_TIME_READ=(900, 0))
+    assert str(servo.run_blocking(FAMILY.stop(TARGET))) == "held at 120.0°"  # 500 * 0.24
+    assert servo.steps[0] == "SERVO_MOVE_STOP id 3"
+    assert servo.steps[-2:] == ["SERVO_MOVE_TIME_WRITE id 3, angle 500, time_ms 0", "SERVO_MOVE_TIME_READ id 3"]
+    servo = Pretender(**state, SERVO_OR_MOTOR_MODE_READ=(1, 0, 800))
+    assert str(servo.run_blocking(FAMILY.stop(TARGET))) == "it turns no more"
+    assert servo.steps[0] == "SERVO_MOVE_STOP id 3"
+    assert servo.steps[-2:] == [
+        "SERVO_OR_MOTOR_MODE_WRITE id 3, mode 1, null 0, speed 0",
+        "SERVO_OR_MOTOR_MODE_READ id 3",
+    ]
 
 
 @pytest.mark.parametrize("on", [True, False])
