@@ -121,11 +121,11 @@ def test_demo_length(refused: Callable[..., str]) -> None:
 
 
 def test_P3_the_adapter_is_chosen_by_an_option(load: Callable[..., Any], run: Run) -> None:
-    with served("lx16a@1", "--adapter", "usb:40ms") as port, servobus.open(port) as bus:
+    with served("lx16a@1", "--adapter", "usb:16ms") as port, servobus.open(port) as bus:
         arm = bus.find(1, family="lewansoul")
         start = bus.transport.now()
         arm.ping()
-        assert bus.transport.now() - start >= 0.04
+        assert bus.transport.now() - start >= 0.016
     said = run("virtual", "lx16a@1", "--adapter", "ftdi", code=2)
     assert "whole, none, usb" in said.stderr
 
