@@ -93,7 +93,7 @@ def test_what_cannot_be_served(refused: Callable[..., str], tmp_path: Path) -> N
     assert "254" in refused("virtual", "rx28@254")
     assert "write [HOST:]PORT" in refused("virtual", "rx28@1", "--tcp", "here")
     assert "write [HOST:]PORT" in refused("virtual", "rx28@1", "--tcp", "h:70000")
-    assert "--voltage" in refused("virtual", "rx28@1", "--voltage", "much")
+    assert "--voltage" in refused("virtual", "rx28@1", "--voltage", "much", code=2)
     assert "either --pty or --tcp" in refused("virtual", "rx28@1", "--pty", "a", "--tcp", "1", code=2)
     assert "not all" in refused("virtual", "rx28@1", "--baud", "all", code=2)
     taken = tmp_path / "file"
