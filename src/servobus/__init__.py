@@ -40,12 +40,14 @@ from servobus.errors import (
     Restarted,
     ServobusError,
     ShortReply,
+    StopFailed,
     Stopped,
     TorqueOff,
     UnknownName,
     UsageError,
     WrongReply,
 )
+from servobus.families.base import StopOutcome
 from servobus.families.dynamixel import protocol as dynamixel1
 from servobus.families.herkulex import protocol as herkulex
 from servobus.families.lewansoul import protocol as lewansoul
@@ -112,6 +114,8 @@ __all__ = [
     "ShortReply",
     "Snapshot",
     "Stats",
+    "StopFailed",
+    "StopOutcome",
     "Stopped",
     "Thresholds",
     "TorqueOff",

@@ -210,7 +210,7 @@ def test_N24_numbers_that_are_too_small() -> None:
         (lambda bus: bus.cycle(5), "5 is no register"),
         (lambda bus: bus.read_all(5), "5 is no register"),
         (lambda bus: bus.read_all(["present_position", "led"]), "is no register"),
-        (lambda bus: bus.protect(5), "protect() takes Thresholds(...), not 5"),
+        (lambda bus: bus.protect(5), "protect() takes Thresholds(warn=...), or nothing, not 5"),
         (lambda bus: bus[1].turn(), "RX-28 id 1: say how fast, as in turn(output=0.3)"),
         (lambda bus: bus[1].turn(output=300), "output 300 is not a share of full output, -1 .. 1"),
         (lambda bus: setattr(bus[1], "max_step", 30), "did you mean 30 * deg?"),
