@@ -31,11 +31,28 @@ An alarm (overheating, low voltage ...) is not in this tree: it is data, and sta
 """
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 
 class ServobusError(Exception):
-    """Base of all errors that servobus raises on purpose."""
+    """Base of all errors that servobus raises on purpose.
+
+    before  what was there before the change that this error broke off, register -> value in its unit; empty where the
+            error broke off no change of settings
+    """
+
+    before: Mapping[str, Any] = MappingProxyType({})
+
+    def tell_before(self, before: Mapping[str, Any], said: str) -> None:
+        """Say in the message, and in `before`, what was there before; the first who says so knows best."""
+        if not before or self.before:
+            return
+        self.before = dict(before)
+        if len(self.args) == 1:
+            self.args = (f"{self.args[0]}; {said}",)
+        else:
+            self.add_note(said)
 
 
 class UsageError(ServobusError, ValueError):

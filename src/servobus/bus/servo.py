@@ -292,7 +292,7 @@ class Servo(Closed):
     @bus_method
     def reboot(self) -> Procedure[None]:
         """Restart the servo: RAM registers get their start values, torque goes off."""
-        yield from self.family.reboot(self.target)
+        yield from reconfigure.reboot(self.target)
         self.permit.mark_idle()
         yield from self._meet_again(self.id)
 
@@ -321,8 +321,7 @@ class Servo(Closed):
     @bus_method
     def change_baud(self, baud: int) -> Procedure[None]:
         """Set the servo to another speed and check that it answers there; see `change_id` for a line that fails."""
-        yield from reconfigure.change_baud(self.target, baud)
-        self._follow(self.id, baud)
+        self._follow(self.id, (yield from reconfigure.change_baud(self.target, baud)))
         yield from self._meet_again(self.id)
 
     @bus_method

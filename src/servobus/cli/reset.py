@@ -35,6 +35,7 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
             raise BadValue(f"--keep {', '.join(sorted(unknown))}: only {', '.join(keepable)} can be kept")
     with open_port(port) as bus:
         servo = find(bus, where, id)
+        servo.family.check_reset(servo.target, kept)
         old_baud = servo.baud
         saved = servo.backup()
         less = f", less {', '.join(sorted(kept))}" if kept else ", id and speed included"

@@ -5,7 +5,7 @@ from servobus.core.units import Count, Flags, Quantity, Switch, deg, rpm
 from servobus.families.dynamixel.places import Address
 from servobus.families.dynamixel.protocol import BAUD, Error
 from servobus.families.dynamixel.verbs import DYNAMIXEL1
-from servobus.families.model import Model, Performance, SpecSheet
+from servobus.families.model import VOLTAGE_LIMITS, LimitPair, Model, Performance, SpecSheet
 
 EEPROM, READ, RESERVED = Area.EEPROM, Access.READ, Access.RESERVED
 U10 = Int(2, bits=10)
@@ -50,6 +50,7 @@ class RX28(Model):
     speed = Quantity("rad/s", 0.111 * rpm)
     share = Quantity("1", 1 / 1023)
     turn_scale = share
+    limit_pairs = (LimitPair("min_position", "max_position", both_zero=True), VOLTAGE_LIMITS)  # 3-4-3: endless turn
     volts = Quantity("V", 0.1)
     celsius = Quantity("degC", 1.0)
     errors = Flags(Error)

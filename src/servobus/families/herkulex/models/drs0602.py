@@ -209,8 +209,12 @@ class DRS0602(Model):
     status_detail = Register(
         Ram(49), U8, Flags(StatusDetail), "causes of invalid packets, to be cleared; moving, inposition, torque on",
         default=0, limits=(0, 0x7F), volatile=True, latched=True,
+        live=StatusDetail.MOVING | StatusDetail.INPOSITION | StatusDetail.TORQUE_ON,
     )  # fmt: skip
-    aux_1 = Register(Ram(50), U8, Choice(Aux), "sets absolute_position anew", default=0, limits=(0, 6), volatile=True)
+    aux_1 = Register(
+        Ram(50), U8, Choice(Aux), "sets absolute_position anew", default=0, limits=(0, 6), volatile=True,
+        live=0xFF,  # it is 0 again as soon as that is done
+    )  # fmt: skip
     reserved_46 = Register(Ram(51), U8, Count(), "reserved, NO 46", default=0, access=RESERVED)
     torque_control = Register(
         Ram(52), U8, Choice(TorqueControl), "free, brake or on", default=0, limits=(0, 0x60), allowed=(0, 0x40, 0x60),
