@@ -391,7 +391,7 @@ class BaseBus(Closed, Generic[S]):
         if failures:
             names = {key: str(key.target) if isinstance(key, Servo) else f"id {key}" for key in failures}
             said = "; ".join(f"{names[key]} may still move: {why}" for key, why in failures.items())
-            raise StopFailed(said, failures)
+            raise StopFailed(said, failures, ByServo(done))
         return ByServo(done)
 
     @bus_method

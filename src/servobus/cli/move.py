@@ -21,6 +21,7 @@ from servobus.cli.options import (
     verb,
 )
 from servobus.cli.output import console, note, print_json
+from servobus.cli.stop import stop_all
 from servobus.core.units import parse, show, shown
 from servobus.core.values import frozen
 from servobus.errors import BadValue
@@ -86,7 +87,7 @@ def move(
             else:
                 under_way.wait()
         except KeyboardInterrupt:
-            stop_all(servos)
+            stop_all(bus, servos)
             raise click.exceptions.Exit(130) from None
         except MoveTimeout:
             _print_positions(bus, servos, angles, json=json)
@@ -161,18 +162,6 @@ def _start(bus: Bus, angles: Mapping[BusServo, float], time: float | None, speed
     if without_torque and not quiet:
         note(f"torque switched on: {', '.join(f'id {servo.id}' for servo in without_torque)}")
     return Move(bus, planned)
-
-
-def stop_all(servos: Sequence[BusServo]) -> None:
-    """Stop all of them, whatever else goes wrong."""
-    note("")  # the terminal shows ^C: what comes next starts on a line of its own
-    for servo in servos:
-        try:
-            servo.stop()
-        except ServobusError as error:
-            note(f"servobus: {servo.target} may still move: {error}")
-        else:
-            note(f"{servo.target} stopped")
 
 
 def _show_progress(bus: Bus, servos: Sequence[BusServo], angles: Mapping[BusServo, float], under_way: Move) -> None:

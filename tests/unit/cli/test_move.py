@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -9,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from samples import factory_bauds
 from servobus import RX28
+from servobus.families import registry
 from unit.cli.conftest import ALL, DRS, LX, RX, Run
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals as on POSIX")
@@ -149,15 +150,15 @@ def test_torque_and_stop(run: Run, family: str) -> None:
     port, id = ALL[family]
     assert run("torque", port, id, id + 1, "on").stdout.count(": torque on\n") == 2
     assert run("torque", port, id, "off").stdout.endswith("torque off\n")
-    assert run("stop", port, id).stdout.endswith(f"id {id} stopped\n")
+    assert run("stop", port, id).stdout.endswith(f"id {id} stopped: it drives nothing: its torque was off\n")
 
 
 def test_all(run: Run, refused: Callable[..., str]) -> None:
-    assert run("stop", RX, "all", "--family", "dynamixel").stdout.count("stopped\n") == 3
+    assert run("stop", RX, "all", "--family", "dynamixel").stdout.count(" stopped: ") == 3
     assert run("torque", RX, "all", "on", "--family", "dynamixel").stdout.count("torque on\n") == 3
     result = run("torque", RX, "all", "off")
-    speeds = "/".join(map(str, factory_bauds(RX28.family)))
-    assert result.stdout.startswith(f"torque off: told every servo (dynamixel at {speeds}, ")
+    speeds = "/".join(map(str, registry.bauds(RX28.family)))
+    assert result.stdout.startswith(f"torque off: told all ids of dynamixel at {speeds}, ")
     assert "either ids or `all`" in refused("stop", RX, "1", "all", code=2)
     assert "no servo answers (lewansoul at 115200)" in refused("stop", RX, "all", "--family", "lewansoul")
     assert run("torque", RX, 1, 1, "on").stdout == "RX-28 id 1: torque on\n"
@@ -182,4 +183,4 @@ def test_ctrl_c_stops_the_servos(end: signal.Signals) -> None:
         process.send_signal(end)
         stdout, stderr = process.communicate(timeout=10)
     assert (process.returncode, stdout) == (130, "")
-    assert stderr == "\nRX-28 id 1 stopped\nRX-28 id 2 stopped\n"
+    assert re.fullmatch(r"\n(RX-28 id [12] stopped: held at \d+\.\d°\n){2}", stderr)
