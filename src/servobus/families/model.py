@@ -109,6 +109,31 @@ class SpecSheet:
     link: str = ""
 
 
+@frozen
+class LimitPair:
+    """Two registers of a model, of which the first must be below the second.
+
+    Some servos ignore crossed limits, others take them and refuse every goal from then on.
+    """
+
+    low: str
+    high: str
+    both_zero: bool = False
+    """Whether both may be 0: what that means is said where it may be."""
+
+    def rows(self, model: type["Model"]) -> tuple[Register[Any], Register[Any]]:
+        """Give the two registers."""
+        return model.register(self.low), model.register(self.high)
+
+    def fits(self, low: int, high: int) -> bool:
+        """Tell whether the pair may be set to these raw values."""
+        return low < high or (self.both_zero and low == high == 0)
+
+
+POSITION_LIMITS = LimitPair("min_position", "max_position")
+VOLTAGE_LIMITS = LimitPair("min_voltage", "max_voltage")
+
+
 class Model:
     """What servobus knows of one model. Subclass it; do not instantiate it.
 
@@ -130,6 +155,8 @@ class Model:
     """Longest time in seconds that one timed move can take; None if moves are given by speed."""
     turn_scale: ClassVar[Quantity]
     """Scale of the number that turns it without end: a speed ("rad/s"), or a share of full output ("1")."""
+    limit_pairs: ClassVar[tuple[LimitPair, ...]] = (POSITION_LIMITS, VOLTAGE_LIMITS)
+    """Registers of which one must be below the other."""
     brakes: ClassVar[bool] = False
     """Whether it can brake: short its motor, so that the shaft turns only slowly."""
     firmware: ClassVar[str] = ""
@@ -231,12 +258,25 @@ class Model:
         """Find a row by its name or alias. Raises UnknownName, with the nearest names."""
         row = cls.registers.get(cls.aliases.get(name, name))
         if row is None:
+            raise UnknownName(f"{cls.title} has no register {name!r:.60}; {cls._instead_of(name)}")
+        return row
+
+    @classmethod
+    def _instead_of(cls, name: object) -> str:
+        """Say what may be meant by what is no name of a register."""
+        word = str(name).strip().lower()
+        if word.isdecimal():
+            near = [row.name for row in cls.registers.values() if any(at == int(word) for _, at in row.place.locations)]
+        else:
             import difflib  # noqa: PLC0415 - only ever needed for this message
 
-            near = difflib.get_close_matches(name, [*cls.registers, *cls.aliases], n=3, cutoff=0.5)
-            hint = f"; did you mean {' or '.join(near)}?" if near else ""
-            raise UnknownName(f"{cls.title} has no register {name!r}{hint}")
-        return row
+            names = [*cls.registers, *cls.aliases]
+            close = difflib.get_close_matches(word.replace(" ", "_"), names, n=3, cutoff=0.5)
+            parts = [known for known in names if len(word) > 2 and word in known]
+            near = close[:1] if word.replace(" ", "_") in close else list(dict.fromkeys(parts + close))[:3]
+        if near:
+            return f"did you mean {' or '.join(near)}?"
+        return f"`servobus registers {cls.key()}` lists them"
 
     @classmethod
     def optional(cls, name: str) -> Register[Any] | None:
@@ -332,6 +372,10 @@ def _check_complete(model: type[Model]) -> None:
         limit = model.register(name)
         if limit.scale != goal.scale:
             raise TypeError(f"{limit} has another scale than {goal.name}, to whose raw values it is compared")
+    for pair in model.limit_pairs:
+        low, high = pair.rows(model)
+        if low.scale != high.scale:
+            raise TypeError(f"{low} has another scale than {high.name}, to which it is compared")
     limit_row = model.optional("output_limit")
     if limit_row is not None and not (limit_row.writable and limit_row.acts_in_ram):
         raise TypeError(f"{limit_row}: an output_limit can be written in RAM")

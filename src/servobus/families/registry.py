@@ -172,6 +172,8 @@ def model(name: str) -> type[Model]:
 def family(name: str) -> Family:
     """Find a family by name. Raises UnknownName."""
     found = FAMILIES.get(name.lower())
+    if found is None and (known := MODELS.get(name.replace("-", "").replace("_", "").lower())):
+        raise UnknownName(f"no family {name!r}: {known.title} is a model, of the family {known.family.name}")
     if found is None:
         raise UnknownName(_no_such("family", name, list(FAMILIES)))
     return found

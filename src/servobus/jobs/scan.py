@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 from servobus.core.exchange import Batch, Exchange, Pause, Procedure, SetBaud
 from servobus.core.ids import LAST_ID, check_id
 from servobus.core.values import frozen
-from servobus.errors import BusError, NoReply, UnknownName
+from servobus.errors import BusError, NoReply, UnknownName, UsageError
 from servobus.families import registry
 from servobus.families.base import Answers, Family, Identity, Model, ServoRef
 from servobus.jobs.look import Snapshot, look
@@ -98,9 +98,12 @@ def check_models(models: Models | None) -> Models | None:
     if isinstance(models, Mapping):
         for id in models:
             check_id(id)
-    for told in models.values() if isinstance(models, Mapping) else (models,):
+    for told in models.values() if isinstance(models, Mapping) else () if models is None else (models,):
+        given: object = told
         if isinstance(told, str):
             registry.model(told)
+        elif not (isinstance(given, type) and issubclass(given, Model)):
+            raise UsageError(f'{given!r:.60} is no model: give one such as LX16A, or its name, "lx16a"')
     return models
 
 

@@ -115,5 +115,5 @@ def test_what_cannot_be_asked(refused: Callable[..., str]) -> None:
     assert "neither a number of baud nor `all`" in refused("scan", RX, "--baud", "fast", code=2)
     assert "0 is not a speed" in refused("scan", RX, "--baud", "0", code=2)
     assert "no such port" in refused("scan", "/dev/does-not-exist")
-    assert "PORT is empty" in refused("scan", "")
+    assert "the name of the port is empty" in refused("scan", "")
     assert "no model 'rx99'" in refused("scan", "virtual:rx99@1")

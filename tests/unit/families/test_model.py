@@ -10,7 +10,7 @@ from servobus.core.registers import U8, U16, Access, Area, Register
 from servobus.core.units import RAW, Count, Quantity, Switch
 from servobus.families import registry
 from servobus.families.base import Answers, Model, Performance, ServoRef, SpecSheet
-from servobus.families.dynamixel.models.table import UnknownDynamixel
+from servobus.families.dynamixel.models.table import DynamixelTable, UnknownDynamixel
 from servobus.families.dynamixel.places import Address
 from servobus.families.dynamixel.verbs import Dynamixel1
 from servobus.families.registry import MODELS
@@ -418,7 +418,7 @@ def test_a_row_of_another_model_is_no_second_name() -> None:
     with pytest.raises(TypeError, match="row of another model"):
 
         class Taken(RX28):
-            led = LX16A.led  # type: ignore[assignment] # that is what it is about
+            led = LX16A.led
 
 
 def test_a_new_row_stands_behind_the_one_before_it() -> None:
@@ -431,11 +431,13 @@ def test_a_new_row_stands_behind_the_one_before_it() -> None:
 
 
 def test_only_a_generic_model_may_lack_units() -> None:
-    with pytest.raises(TypeError, match="the unit of present_speed is not said; only a generic model may lack it"):
+    with pytest.raises(
+        TypeError, match="the unit of registered_instruction is not said; only a generic model may lack it"
+    ):
 
         class Vague(RX28):
             title, number = "Vague-1", 901
-            present_speed = RX28.present_speed.with_(scale=RAW)
+            registered_instruction = DynamixelTable.registered_instruction.with_(scale=RAW)
 
     with pytest.raises(TypeError, match="punch can only be read as long as the unit is not known"):
 

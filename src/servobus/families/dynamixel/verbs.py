@@ -3,11 +3,12 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Procedure, ReplyPattern
+from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Register
 from servobus.core.units import Flags
+from servobus.core.values import replace
 from servobus.errors import BadValue, BusError, NoReply, Refused, UsageError
 from servobus.families.base import (
     LIMP,
@@ -62,6 +63,8 @@ class Dynamixel1(Family):
     name = "dynamixel"
     title = "Dynamixel protocol 1.0"
     framing = FRAMING
+    # Measured by a user on an AX-12: 6 ms, give or take 1, 9 at most. The manual says nothing of it.
+    eeprom_time = 0.009
     needs = (
         "alarm_shutdown", "led", "lock", "max_torque", "moving", "moving_speed", "torque_limit",
     )  # fmt: skip
@@ -121,8 +124,15 @@ class Dynamixel1(Family):
         parts = {_address(register): register.layout.pack(raw) for register, raw in fresh.items()}
         # The EEPROM wears, and a second write of id or speed would reach no servo: only RAM may be written twice.
         in_ram = all(register.area is Area.RAM for register in fresh)
+        id, baud = target.model.register("id"), target.model.optional("baud")
         for address, data in adjacent(parts):
             yield _write(target, address, data, repeatable=in_ram)
+            worn = [row for row in fresh if row.area is Area.EEPROM and address <= _address(row) < address + len(data)]
+            size = sum(row.layout.size for row in worn)
+            if baud in worn:  # it answers at another speed now
+                yield Pause(size * self.eeprom_time)
+            elif worn:
+                yield from self.await_eeprom(replace(target, id=fresh[id]) if id in worn else target, size)
 
     def _check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:
         """Ask for Lock: once it is on, only addresses 24 to 35 can be written until power-off (3-4-2 Lock)."""
@@ -272,8 +282,7 @@ class Dynamixel1(Family):
         raise cannot(target, "be rebooted", "protocol 1.0 has no such instruction; switch its power off and on")
 
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
-        if keep:
-            raise cannot(target, f"keep {', '.join(sorted(keep))}", "RESET restores everything, id and baud included")
+        self.check_reset(target, keep)
         yield from reset(target.id, answered=_answers(target))
         factory_id = target.model.register("id").default
         return target.id if factory_id is None else factory_id, target.model.factory_baud

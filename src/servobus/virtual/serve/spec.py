@@ -19,6 +19,7 @@ from servobus.errors import BadValue, UsageError
 from servobus.families import registry
 from servobus.families.base import Model
 from servobus.virtual.physics.motor import NOTHING, Load
+from servobus.virtual.wire.adapter import WHOLE, Adapter
 from servobus.virtual.wire.faults import NO_FAULTS, Faults
 
 Servos: TypeAlias = list[tuple[type[Model], list[int]]]
@@ -53,6 +54,7 @@ class Setup:
     supply_resistance
                  ohm between the supply and all servos of a line, which then share it; None: it is not felt
     load         what hangs on every shaft at the start
+    adapter      in which pieces the client gets what it receives
     faults       what goes wrong between the servos and the client
 
     Raises BadValue for a supply or a temperature that makes no sense.
@@ -68,6 +70,7 @@ class Setup:
     motor: str | None = None
     supply_resistance: float | None = None
     load: Load = NOTHING
+    adapter: Adapter = WHOLE
     faults: Faults = NO_FAULTS
 
     def __post_init__(self) -> None:
@@ -143,11 +146,13 @@ def _option(name: str, value: str) -> object:
             return parse(value, "ohm")
         case "load":
             return parse_load(value)
+        case "adapter":
+            return Adapter.parse(value)
         case "faults":
             return Faults.parse(value)
     raise UsageError(
         f"{name}={value}: options are clock, echo, baud, voltage, temperature, state=FILE, motor=NAME, "
-        "supply_resistance, load and faults"
+        "supply_resistance, load, adapter and faults"
     )
 
 

@@ -9,7 +9,7 @@ from servobus.core.units import RAW, Count, Flags, Quantity, Switch
 from servobus.families.dynamixel.places import Address
 from servobus.families.dynamixel.protocol import BAUD, Error
 from servobus.families.dynamixel.verbs import DYNAMIXEL1
-from servobus.families.model import Model
+from servobus.families.model import VOLTAGE_LIMITS, LimitPair, Model
 
 EEPROM, READ = Area.EEPROM, Access.READ
 U10 = Int(2, bits=10)
@@ -26,6 +26,7 @@ class DynamixelTable(Model):
     bauds = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
 
     share = Quantity("1", 1 / 1023)
+    limit_pairs = (LimitPair("min_position", "max_position", both_zero=True), VOLTAGE_LIMITS)  # 3-4-3: endless turn
     volts = Quantity("V", 0.1)
     celsius = Quantity("degC", 1.0)
     errors = Flags(Error)

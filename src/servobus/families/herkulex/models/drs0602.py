@@ -115,7 +115,10 @@ class DRS0602(HerkulexTable):
     )  # fmt: skip
     status_error = HerkulexTable.status_error.with_(note="EH-22: bit 0x20 is never set")
     status_detail = HerkulexTable.status_detail
-    aux_1 = Register(Ram(50), U8, Choice(Aux), "sets absolute_position anew", default=0, limits=(0, 6), volatile=True)
+    aux_1 = Register(
+        Ram(50), U8, Choice(Aux), "sets absolute_position anew", default=0, limits=(0, 6), volatile=True,
+        live=0xFF,  # it is 0 again as soon as that is done
+    )  # fmt: skip
     reserved_46 = Register(Ram(51), U8, Count(), "reserved, NO 46", default=0, access=RESERVED)
     voltage = HerkulexTable.voltage.with_(scale=volts, limits=(0, 200))
     temperature = HerkulexTable.temperature.with_(scale=celsius, limits=(0, 110))

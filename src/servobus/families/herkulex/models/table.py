@@ -128,6 +128,7 @@ class HerkulexTable(Model):
     status_detail = Register(
         Ram(49), U8, Flags(StatusDetail), "causes of invalid packets, to be cleared; moving, inposition, torque on",
         default=0, limits=(0, 0x7F), volatile=True, latched=True,
+        live=StatusDetail.MOVING | StatusDetail.INPOSITION | StatusDetail.TORQUE_ON,
     )  # fmt: skip
     torque_control = Register(
         Ram(52), U8, Choice(TorqueControl), "free, brake or on", default=0, limits=(0, 0x60), allowed=(0, 0x40, 0x60),
