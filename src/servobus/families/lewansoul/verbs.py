@@ -60,6 +60,7 @@ class Lewansoul(Family):
     name = "lewansoul"
     title = "LewanSoul bus servo protocol"
     framing = FRAMING
+    one_table = True  # the protocol document defines what its commands carry, and names no model
     needs = ("goal_time", "led", "mode", "motor_speed")
 
     def ping(self, id: int) -> Exchange[None]:
