@@ -10,6 +10,7 @@ A table inherits the rows of its parents. A row in the class body takes the plac
 a child all the same, see `Model.own`. A table is checked when its class is made: a wrong one cannot be imported.
 """
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from servobus.core.registers import Register, check_overlap, check_row
@@ -128,6 +129,9 @@ class Model:
     """Whether it can brake: short its motor, so that the shaft turns only slowly."""
     firmware: ClassVar[str] = ""
     """The class of its virtual servo, a `VirtualServo`; "" for a model that cannot be simulated."""
+    practice: ClassVar[Mapping[str, Any]] = {}
+    """Options of its virtual servo that are otherwise, under the reading `practice`, than its firmware has them: name
+    -> value. What a parent says holds for a child too."""
     motors: ClassVar[str] = ""
     """Its sets of motor data: a dict, name of a set -> MotorParams, the first by default. A model with a sheet of its
     own that names none gets a motor made up from that sheet, not the one of its parent."""

@@ -47,7 +47,7 @@ def equip(rig: Rig) -> None:
 
 
 def port(faults: str | Faults | None = None, servos: str = "rx28@1", options: str = "") -> VirtualPort:
-    made = connect(f"virtual:{servos}?clock=virtual{options}")
+    made = connect(f"virtual:{servos}?clock=virtual&as=manual{options}")
     equip(made.rig)
     made.inject(faults)
     return made
