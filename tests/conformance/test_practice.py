@@ -12,6 +12,7 @@ from servobus.core.units import deg
 from servobus.families.registry import DRS0602, LX16A, RX28
 from servobus.virtual.device.options import Reading
 from servobus.virtual.device.servo import VirtualServo, virtual_servo
+from servobus.virtual.wire.uart import ReceivedBytes
 
 UNIT = 300 * deg / 1023
 """Of an RX-28."""
@@ -152,13 +153,12 @@ def test_P5_a_servo_is_deaf_while_it_writes_its_eeprom(packet: str, shortest: fl
 
 def wait(wire: Wire, answer: str, pause: float) -> None:
     """Hear an answer to its end, and let a pause pass behind that."""
-    heard = b""
-    while len(heard) < len(bytes.fromhex(answer)):
-        (time,) = {run for run in [wire.line.next_arrival()] if run is not None}
-        heard += wire.line.receive(time)
-        wire.now = time
-    assert heard.hex(" ").upper() == answer
-    wire.now += pause
+    runs: list[ReceivedBytes] = []
+    while sum(len(run.data) for run in runs) < len(bytes.fromhex(answer)):
+        wire.now += 50e-6
+        runs += wire.line.arrivals(wire.now)
+    assert b"".join(run.data for run in runs).hex(" ").upper() == answer
+    wire.now = runs[-1].end + pause
 
 
 def test_P5_ram_takes_no_time_and_by_default_no_byte_does() -> None:

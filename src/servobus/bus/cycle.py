@@ -115,14 +115,11 @@ class _Part:
         """Where it was in the last cycle, rad, if that was read."""
 
     def decode(self, answers: Sequence[bytes]) -> dict[str, Any]:
-        """Give name -> value. Raises BusError for what has no meaning."""
+        """Give name -> value. Raises BadReading for what has no meaning."""
         seen = {}
         for value in self.values:
             raw = value.row.layout.unpack(answers[value.answer][value.part])
-            try:
-                seen[value.name] = value.row.decode(raw)
-            except ValueError:
-                raise BusError(f"{self.target}: {value.row.name} is raw {raw}, which has no known meaning") from None
+            seen[value.name] = value.row.decode(raw, self.target)
         self.position = seen.get("present_position")
         return seen
 
@@ -294,8 +291,8 @@ class Cycle:
             raise UsageError(f"{target} turns without end; position_mode() ends that")
         if not motion_status.low <= raw <= motion_status.high:
             part.motion_status = None  # they may be changed
-            low, high = row.show(row.decode(motion_status.low)), row.show(row.decode(motion_status.high))
-            raise BadValue(f"{target}: {row.show(row.decode(raw))} is outside the limits set in it, {low} .. {high}")
+            low, high = row.said(motion_status.low), row.said(motion_status.high)
+            raise BadValue(f"{target}: {row.said(raw)} is outside the limits set in it, {low} .. {high}")
         if permit.max_step is not None:
             here = part.position
             if here is None:

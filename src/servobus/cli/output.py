@@ -2,6 +2,8 @@
 
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -22,6 +24,17 @@ def note(text: str) -> None:
 
 def print_json(data: Any) -> None:
     click.echo(json.dumps(data, indent=2, ensure_ascii=False))
+
+
+@contextmanager
+def json_entries(*, several: bool) -> Iterator[list[Any]]:
+    """Collect what is printed at the end, even if an error ends it: a list of several, else the one that came."""
+    entries: list[Any] = []
+    try:
+        yield entries
+    finally:
+        for data in [entries] if several else entries:
+            print_json(data)
 
 
 def compact(data: Any) -> str:

@@ -1,39 +1,26 @@
 """`stop` and `torque`: stop servos, and switch their torque."""
 
 from collections.abc import Callable
-from typing import Literal
 
 import click
 
 from servobus import Bus, BusServo, ServobusError
-from servobus.cli.options import (
-    ALL,
-    ID_OR_ALL,
-    Where,
-    check_unique,
-    find_all,
-    on_port,
-    open_port,
-    verb,
-)
+from servobus.cli.options import ALL, Ids, Where, find_all, on_servos, open_port, verb
 from servobus.cli.output import note, warn_alarms
 from servobus.core.ids import BROADCAST, LAST_ID
 from servobus.errors import NoReply
 from servobus.families.base import Answers, KnownServo, ServoRef
 from servobus.jobs.scan import ScanProgress, scan
 
-Ids = tuple[int | Literal["all"], ...]
-
 
 @verb(
     "stop",
-    "servobus stop /dev/ttyUSB0 1 2",
+    "servobus stop /dev/ttyUSB0 1-4,7",
     "servobus stop /dev/ttyUSB0 all --family lewansoul",
     "servobus torque /dev/ttyUSB0 all off    # quickest: one broadcast",
 )
-@on_port
-@click.argument("ids", metavar="ID...|all", type=ID_OR_ALL, nargs=-1, required=True)
-def stop(port: str, where: Where, ids: Ids) -> None:
+@on_servos
+def stop(port: str, ids: Ids, where: Where) -> None:
     """Stop servos on PORT where they are. Their torque stays on.
 
     `all` looks for every servo and stops each as soon as it is found, which takes up to half a minute;
@@ -50,8 +37,8 @@ def stop(port: str, where: Where, ids: Ids) -> None:
             click.echo(f"{servo.target} stopped")
 
     with open_port(port) as bus:
-        if wanted := _named_ids(ids):
-            for servo in find_all(bus, where, wanted):
+        if ids != ALL:
+            for servo in find_all(bus, where, ids, shared=True):
                 stop_one(servo)
         else:
             _find_every_servo(bus, where, stop_one)
@@ -61,24 +48,22 @@ def stop(port: str, where: Where, ids: Ids) -> None:
 
 @verb(
     "torque",
-    "servobus torque /dev/ttyUSB0 1 2 on",
+    "servobus torque /dev/ttyUSB0 1-4,7 on",
     "servobus torque /dev/ttyUSB0 all off",
 )
-@on_port
-@click.argument("ids", metavar="ID...|all", type=ID_OR_ALL, nargs=-1, required=True)
+@on_servos
 @click.argument("state", metavar="on|off", type=click.Choice(["on", "off"]))
-def torque(port: str, where: Where, ids: Ids, state: str) -> None:
+def torque(port: str, ids: Ids, where: Where, state: str) -> None:
     """Switch the torque of servos on PORT on or off.
 
     On: each holds where it is, nothing jumps. Off: each shaft turns freely, so support what it carries.
     `all off` is one broadcast per family, which every servo obeys at once and none answers.
     """
-    wanted = _named_ids(ids)
     with open_port(port) as bus:
-        if not wanted and state == "off":
+        if ids == ALL and state == "off":
             _broadcast_torque_off(bus, where)
             return
-        servos = find_all(bus, where, wanted) if wanted else _find_every_servo(bus, where, lambda _: None)
+        servos = find_all(bus, where, ids, shared=state == "off")
         if state == "on":
             bus.torque_on(servos)
         else:
@@ -86,17 +71,6 @@ def torque(port: str, where: Where, ids: Ids, state: str) -> None:
         for servo in servos:
             click.echo(f"{servo.target}: torque {state}")
             warn_alarms(servo)
-
-
-def _named_ids(ids: Ids) -> list[int]:
-    """Give the ids that are named, none for `all`."""
-    if ALL in ids:
-        if len(ids) > 1:
-            raise click.UsageError("say either ids or `all`")
-        return []
-    numbers = [id for id in ids if isinstance(id, int)]
-    check_unique(numbers)
-    return numbers
 
 
 def _find_every_servo(bus: Bus, where: Where, then: Callable[[BusServo], None]) -> list[BusServo]:

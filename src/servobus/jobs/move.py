@@ -99,8 +99,8 @@ def _checked(target: KnownServo, goal: int) -> Procedure[MotionStatus]:
         )
     row = target.model.register("goal_position")
     if not motion_status.low <= goal <= motion_status.high:
-        low, high = row.show(row.decode(motion_status.low)), row.show(row.decode(motion_status.high))
-        raise BadValue(f"{target}: {row.show(row.decode(goal))} is outside the limits set in it, {low} .. {high}")
+        low, high = row.said(motion_status.low), row.said(motion_status.high)
+        raise BadValue(f"{target}: {row.said(goal)} is outside the limits set in it, {low} .. {high}")
     return motion_status
 
 
@@ -198,7 +198,7 @@ def _wait_axis(axis: AxisMove, end: float, tolerance: float) -> Procedure[None]:
         (raw,) = yield from target.model.family.read(target, [row])
         if not moving and abs(row.decode(raw) - row.decode(axis.goal)) <= tolerance:
             return
-        here, goal = row.show(row.decode(raw)), row.show(row.decode(axis.goal))
+        here, goal = row.said(raw), row.said(axis.goal)
         if given_up:
             raise Stopped(
                 f"{target} is at {here} and goes to {goal} no more: it was stopped or its torque switched off"

@@ -69,14 +69,21 @@ def test_its_factory_speed_is_asked_alone(run: Run) -> None:
     )
 
 
+def test_N13_one_id_at_two_speeds(refused: Callable[..., str], load: Callable[..., Any]) -> None:
+    port = "virtual:ax912@1,rx28@1?clock=virtual"
+    said = refused("read", port, 1, "led", "--baud", "all", "--family", "dynamixel")
+    assert "--family dynamixel --baud 57600 or --family dynamixel --baud 1000000" in said
+    assert load("info", port, 1, "--baud", "1000000")["model"] == "ax912"
+
+
 def test_what_the_servo_says_itself_counts_more(refused: Callable[..., str]) -> None:
     port = "virtual:ax912@1?clock=virtual&baud=57600"
     assert "id 1 says that it is AX-912, not RX-28" in refused("read", port, 1, "led", "--model", "rx28")
 
 
 def test_it_is_checked_before_the_port_is_opened(refused: Callable[..., str]) -> None:
-    assert "no model 'lx999'" in refused("read", "/dev/nowhere", 1, "led", "--model", "lx999")
-    said = refused("read", "/dev/nowhere", 1, "led", "--model", "lx16a", "--family", "herkulex")
+    assert "no model 'lx999'" in refused("read", "/dev/nowhere", 1, "led", "--model", "lx999", code=2)
+    said = refused("read", "/dev/nowhere", 1, "led", "--model", "lx16a", "--family", "herkulex", code=2)
     assert "LX-16A is of the family lewansoul, not herkulex" in said
 
 

@@ -66,8 +66,6 @@ LOOPS = 4
 """Control loops in one unit of 11.2 ms; assumption: a loop of 2.8 ms is fast enough for the factory gains."""
 WARMING = 36
 """Loops in which a standing shaft is left alone while it gets warmer or colder: 0.1 s."""
-FLAGS, TOP_FLAG = 0x6000, 0x8000
-"""What stands above a position (EH-44): as recorded of servos with 10 bits of position, and where 15 leave one bit."""
 BLINK = 0.25
 """s; assumption: how long the light is on at power-on (3-3 only says that it blinks once)."""
 
@@ -322,7 +320,7 @@ class HerkulexServo(VirtualServo):
         self._measured("voltage", self.voltage)
         self._measured("temperature", self.temperature)
         self.put("tick", self._loops // LOOPS & 0xFF)
-        flags = (FLAGS if self._steps <= FLAGS & -FLAGS else TOP_FLAG) if self.position_flags else 0
+        flags = self.row("absolute_position").layout.flags if self.position_flags else 0
         self.put("absolute_position", absolute | flags)
         self.put("calibrated_position", (absolute - self.get("calibration_difference")) % self._steps | flags)
         self._measured("differential_position", self._meter.way * self._slowest)

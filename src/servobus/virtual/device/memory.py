@@ -179,11 +179,12 @@ def _slots(row: Register[Any]) -> Slots:
 
 def _check_fits(row: Register[Any], raw: object) -> None:
     """Raise BadValue unless a register has room for a raw value."""
-    low, high = row.layout.range
     if not isinstance(raw, int) or isinstance(raw, bool):
         raise BadValue(f"{row.model} {row.name}: {raw!r} is not a whole number")
-    if not low <= raw <= high:
-        raise BadValue(f"{row.model} {row.name}: {raw} does not fit, the register holds {low} .. {high}")
+    try:
+        row.layout.pack(raw)
+    except OverflowError:
+        raise BadValue(f"{row.model} {row.name}: {raw} does not fit into its {8 * row.layout.size} bits") from None
     if row.name == "id":
         check_id(raw)
 

@@ -10,13 +10,13 @@ mass=0.2,length=0.1          a load: an arm of 10 cm with 200 g at its end
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypeAlias
 from urllib.parse import parse_qsl
 
-from servobus.core.ids import LAST_ID, check_id
+from servobus.core.ids import parse_range
 from servobus.core.units import Switch, parse
 from servobus.errors import BadValue, UsageError
 from servobus.families import registry
@@ -24,6 +24,7 @@ from servobus.families.base import Model
 from servobus.virtual.device.options import READINGS, Reading, options_of, read_options, suggestion
 from servobus.virtual.device.servo import firmware
 from servobus.virtual.physics.motor import NOTHING, Load
+from servobus.virtual.wire.adapter import WHOLE, Adapter
 from servobus.virtual.wire.faults import NO_FAULTS, Faults
 
 NO_OPTIONS: Mapping[str, str] = MappingProxyType({})
@@ -69,6 +70,7 @@ class Setup:
     supply_resistance
                  ohm between the supply and all servos of a line, which then share it; None: it is not felt
     load         what hangs on every shaft at the start
+    adapter      in which pieces the client gets what it receives
     faults       what goes wrong between the servos and the client
     reading      whether servos do what is known from practice, or what their manuals say, where the two differ
     options      options for all servos that have them, and raw values that registers hold: name -> value as typed
@@ -86,6 +88,7 @@ class Setup:
     motor: str | None = None
     supply_resistance: float | None = None
     load: Load = NOTHING
+    adapter: Adapter = WHOLE
     faults: Faults = NO_FAULTS
     reading: Reading = "practice"
     options: Mapping[str, str] = field(default_factory=dict)
@@ -175,7 +178,7 @@ def parse_specs(text: str) -> Servos:
         if equals:
             servos[-1] = last._replace(options={**last.options, option: value})
         else:
-            last.ids.extend(_ids(ids, text))
+            last.ids.extend(parse_range(ids, text))
     return servos
 
 
@@ -202,9 +205,9 @@ def parse_url(text: str) -> Setup:
         raise type(error)(f"{error}. Of the port itself there are {', '.join(SURROUNDINGS)}") from None
 
 
-SURROUNDINGS = {name: name for name in (
-    "clock", "echo", "baud", "voltage", "temperature", "state", "motor", "supply_resistance", "load", "faults",
-)} | {"as": "reading"}  # fmt: skip
+SURROUNDINGS = {one.name: one.name for one in fields(Setup) if one.name not in ("servos", "reading", "options")} | {
+    "as": "reading"
+}
 """What a URL says of all servos and of the port: its name there -> that of the field of `Setup`."""
 
 
@@ -230,6 +233,8 @@ def _surrounding(name: str, value: str) -> object:
             return parse(value, "ohm")
         case "load":
             return parse_load(value)
+        case "adapter":
+            return Adapter.parse(value)
         case "faults":
             return Faults.parse(value)
     return value
@@ -262,18 +267,3 @@ def _load_value(name: str, value: str) -> float:
     if number < 0 and name in _NEVER_NEGATIVE:
         raise ValueError("it cannot be negative")
     return number
-
-
-def parse_ids(text: str) -> list[int]:
-    """Read "1-4,7". Raises UsageError."""
-    return [id for part in text.replace(" ", "").split(",") for id in _ids(part, text)]
-
-
-def _ids(text: str, whole: str) -> range:
-    match = re.fullmatch(r"(\d+)(?:-(\d+))?", text)
-    if not match:
-        raise UsageError(f"{whole!r}: {text!r} is no id; ids are numbers 0 .. {LAST_ID} and ranges, such as {EXAMPLE}")
-    first, last = check_id(int(match[1])), check_id(int(match[2] or match[1]))
-    if last < first:
-        raise UsageError(f"{whole!r}: {text} runs backwards")
-    return range(first, last + 1)
