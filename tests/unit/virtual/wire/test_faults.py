@@ -523,7 +523,7 @@ def alive(client: VirtualPort) -> list[int]:
 )
 @one_model_of_each_family
 def test_N17_without_faults_all_servos_are_plugged_in_again(key: str, faults: str) -> None:
-    client = connect(f"virtual:{key}@1-4?clock=virtual")
+    client = connect(f"virtual:{key}@1-4?clock=virtual&boot_time=off")
     framing = client.rig.lines[0].family
     client.inject(faults)
     client.write(framing.ping(1).request)
