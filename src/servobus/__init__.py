@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from servobus.bus.base import ReconnectReport
 from servobus.bus.blocking import Bus, BusServo, Move
-from servobus.bus.by_servo import ByServo
+from servobus.bus.by_servo import ByServo, Readings
 from servobus.bus.servo import Servo
 from servobus.connect import open, open_async
 from servobus.core.units import deg, ms, rpm
@@ -40,12 +40,14 @@ from servobus.errors import (
     Restarted,
     ServobusError,
     ShortReply,
+    StopFailed,
     Stopped,
     TorqueOff,
     UnknownName,
     UsageError,
     WrongReply,
 )
+from servobus.families.base import StopOutcome
 from servobus.families.dynamixel import protocol as dynamixel1
 from servobus.families.herkulex import protocol as herkulex
 from servobus.families.lewansoul import protocol as lewansoul
@@ -103,6 +105,7 @@ __all__ = [
     "NoReply",
     "PortError",
     "PortLost",
+    "Readings",
     "ReconnectReport",
     "Refused",
     "Restarted",
@@ -111,6 +114,8 @@ __all__ = [
     "ShortReply",
     "Snapshot",
     "Stats",
+    "StopFailed",
+    "StopOutcome",
     "Stopped",
     "Thresholds",
     "TorqueOff",

@@ -17,6 +17,7 @@ from servobus.families.base import (
     MotionStatus,
     Reading,
     ServoRef,
+    StopOutcome,
     cannot,
 )
 from servobus.families.explain import addressed, show_values
@@ -84,13 +85,15 @@ class Toy(Family):
         goal, here, torque = yield from self.read(target, rows)
         return bool(torque and abs(goal - here) > 2)
 
-    def stop(self, target: ServoRef) -> Procedure[None]:
-        (here,) = yield from self.read(target, [target.model.register("present_position")])
+    def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
+        row = target.model.register("present_position")
+        (here,) = yield from self.read(target, [row])
         yield from self.put(target, {target.model.register("goal_position"): here}, keep=False)
+        return StopOutcome(f"held at {row.show(row.decode(here))}")
 
     def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         if on:
-            yield from self.stop(target)
+            yield from self.hold(target)
         yield from self.write(target, {target.model.register("torque_enable"): int(on)})
 
     def push(self, target: ServoRef) -> Procedure[float]:

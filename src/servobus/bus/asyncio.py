@@ -93,6 +93,14 @@ class AsyncBusServo(Awaiting, Servo):
 
         return AsyncMove(self._bus, start)
 
+    def move_by(self, angle: float, *, time: float | None = None, speed: float | None = None) -> AsyncMove:
+        """Move by an angle in rad from where the servo is then, plus or minus; see `move`."""
+
+        async def start() -> PlannedMove:
+            return await self.start_move_by(angle, time=time, speed=speed)
+
+        return AsyncMove(self._bus, start)
+
     @asynccontextmanager
     async def torque(self) -> AsyncIterator["AsyncBusServo"]:
         """Torque on inside the `async with`, off again on the way out.
@@ -125,8 +133,10 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            if crashed(error):
-                self._beside_the_loop(partial(self.safety.end, safe=True))
+            if error is not None and crashed(error):
+                ended = self._beside_the_loop(partial(self.safety.end, safe=True))
+                for text in await _to_its_end(ended):
+                    error.add_note(text)
             if self._stopping is not None:
                 # A second cancellation must not end it halfway.
                 await _to_its_end(_awaited(self._stopping, asyncio.get_running_loop()))
@@ -210,7 +220,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         self,
         read: Iterable[Register[Any] | str] | Register[Any] | str = POSITION_SPEED_LOAD,
         write: Iterable[Register[Any] | str] | Register[Any] | str = ("goal_position",),
-        servos: Iterable[AsyncBusServo | int] | None = None,
+        servos: Iterable[AsyncBusServo | int] | AsyncBusServo | int | None = None,
         *,
         time: float = 0.0,
     ) -> "AsyncBusCycle":
@@ -220,7 +230,9 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         return AsyncBusCycle(self, self.transport, self._chosen(servos), read, write, time)
 
     @asynccontextmanager
-    async def torque(self, servos: Iterable[AsyncBusServo | int] | None = None) -> AsyncIterator["AsyncBus"]:
+    async def torque(
+        self, servos: Iterable[AsyncBusServo | int] | AsyncBusServo | int | None = None
+    ) -> AsyncIterator["AsyncBus"]:
         """Torque on for these servos (all known ones by default), off again on the way out.
 
         After an error those for which a safe action was chosen are made safe instead.
@@ -229,16 +241,15 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         try:
             await self.torque_on(driven)
             yield self
-        except BaseException:
-            # The error under way is the one that comes out, whatever else fails.
-            with self.safety.failures_told("the torque may still be on"):
-                await _to_its_end(asyncio.ensure_future(self._let_go(driven)))
+        except BaseException as error:
+            with self.safety.letting_go(error):
+                await _to_its_end(asyncio.ensure_future(self._let_go(driven, error)))
             raise
         await self.torque_off(driven)
 
-    async def _let_go(self, servos: list[AsyncBusServo]) -> None:
+    async def _let_go(self, servos: list[AsyncBusServo], error: BaseException) -> None:
         """Make those servos safe whose safe action was chosen, and switch the torque of the others off."""
-        await self.torque_off(await self._beside_the_loop(partial(self.safety.secure, servos)))
+        await self.torque_off(await self._beside_the_loop(partial(self.safety.secure, servos, error)))
 
     def _bind(self, target: KnownServo, firmware: str) -> AsyncBusServo:
         return AsyncBusServo(self, target, firmware)

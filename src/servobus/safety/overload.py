@@ -11,7 +11,7 @@ An `OverloadMonitor` belongs to one servo; `Bus.protect` has each look at its ow
 from enum import IntEnum
 
 from servobus.core.exchange import Now, Procedure
-from servobus.core.units import deg
+from servobus.core.units import deg, finite, said
 from servobus.core.values import frozen
 from servobus.errors import BadValue
 from servobus.families.base import KnownServo
@@ -47,7 +47,10 @@ class Thresholds:
     stall: float = 0.5
 
     def check(self) -> "Thresholds":
-        """Give them back. Raises BadValue if they contradict each other."""
+        """Give them back. Raises BadValue if one is no number, or if they contradict each other."""
+        for name in ("warn", "derate", "back", "push", "stall"):
+            if finite(value := getattr(self, name)) is None:
+                raise BadValue(f"Thresholds: {name} {said(value)} is not a number")
         if not (self.warn >= self.derate >= 0 and self.back >= 0 and 0 < self.push <= 1 and self.stall > 0):
             raise BadValue(f"{self}: warn must be at least derate, push a share, and none below 0")
         return self

@@ -8,7 +8,9 @@ from servobus.families.registry import RX28
 
 def test_a_servo() -> None:
     entry = servo_entry(RX28.family, RX28, 7, 57_600, "24")
-    assert entry == {"family": "dynamixel", "model": "rx28", "id": 7, "baud": 57_600, "firmware": "24"}
+    assert entry == {
+        "family": "dynamixel", "model": "rx28", "model_number": 28, "id": 7, "baud": 57_600, "firmware": "24"
+    }  # fmt: skip
     assert servo_entry(RX28.family, None, 7, 57_600, "24")["model"] is None
 
 
