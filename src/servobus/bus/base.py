@@ -183,7 +183,7 @@ class BaseBus(Closed, Generic[S]):
         return len(self._servos)
 
     def __repr__(self) -> str:
-        known = ", ".join(f"{servo.model.title} id {servo.id}" for servo in self._servos) or "no servo known yet"
+        known = ", ".join(str(servo.target) for servo in self._servos) or "no servo known yet"
         return f"<{type(self).__name__} {self.transport.name}: {known}>"
 
     def __contains__(self, id: object) -> bool:
@@ -254,7 +254,8 @@ class BaseBus(Closed, Generic[S]):
     ) -> Procedure[S]:
         """Look for one servo.
 
-        Raises NoReply, UnknownName if two servos have this id, BusError if what answers is no model known here.
+        Raises NoReply, UnknownName if two servos have this id, BusError if its family has no table
+        for a model that is not known.
         """
         check_id(id)
         found = yield from find(self._families(family), self._speeds(bauds), id, self.identify)
@@ -264,13 +265,15 @@ class BaseBus(Closed, Generic[S]):
     def identify(self, family: Family, id: int, baud: int, number: int | None) -> type[Model] | None:
         """Tell the model of a servo that reports this number, as far as it can be known.
 
-        What the servo says itself comes first, if such a model is known; then what `attach` gave, then `models`. Else
-        one that says nothing is taken for the first model of its family.
+        What the servo says itself comes first, if such a model is known; then what `attach` gave, then `models`, and
+        for one that says nothing what it is known as here. Else its model is unknown: the generic one of its family,
+        which has what all models share, or None if the family has no such model.
         """
-        said = None if number is None else registry.identified(family, number)
+        said = registry.identified(family, number)
         attached = self._servos.attached_model(family.name, id, baud)
-        guessed = None if number is not None else registry.first_model(family)
-        return said or attached or model_told(self.models, family, id) or guessed
+        told = model_told(self.models, family, id)
+        before = None if number is not None else self._servos.model_at(family.name, id, baud)
+        return said or attached or told or before or registry.unknown(family, number)
 
     def adopt(self, found: FoundServo) -> S | None:
         """Know a servo that a scan has found, as it was seen then; None for a model that is not known here.

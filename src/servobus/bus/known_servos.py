@@ -91,6 +91,10 @@ class KnownServos(Generic[S]):
         assumed = [servo for servo in self._speed_assumed if _place(servo)[:2] == (family, id)]
         return next((servo.model for servo in named + assumed), None)
 
+    def model_at(self, family: str, id: int, baud: int) -> type[Model] | None:
+        """Give the model of the servo that is known there."""
+        return next((servo.model for servo in self._servos if _place(servo) == (family, id, baud)), None)
+
     def adopt(self, found: FoundServo, survey: ScanResult) -> S | None:
         """Know a servo that a scan has found, as it was seen then; None for a model that is not known here.
 

@@ -18,7 +18,16 @@ from servobus.core.registers import Register
 from servobus.core.units import Flags, finite, said
 from servobus.core.values import replace
 from servobus.errors import BadValue, BusError, Restarted, UsageError
-from servobus.families.base import Answers, Family, KnownServo, Model, ServoRef, StopOutcome, policy_register
+from servobus.families.base import (
+    Answers,
+    Family,
+    KnownServo,
+    Model,
+    ServoRef,
+    StopOutcome,
+    policy_register,
+    require_model,
+)
 from servobus.families.record import MotionPermit, SafeAction, ServoRecord, check_max_step
 from servobus.jobs import reconfigure
 from servobus.jobs.backup import Backup, backup, restore
@@ -285,6 +294,7 @@ class Servo(Closed):
     @urgent(Priority.MOTION)
     def turn(self, *, speed: float | None = None, output: float | None = None) -> Procedure[None]:
         """Turn without end. `speed` in rad/s (HerkuleX) or `output` as a share -1 .. 1 (RX-28, LX-16A)."""
+        require_model(self.target, "turn without end")
         if speed is None and output is None:
             example = "speed=20 * rpm" if self.model.turns_at_speed() else "output=0.3"
             raise UsageError(f"{self.target}: say how fast, as in turn({example})")
@@ -299,6 +309,7 @@ class Servo(Closed):
         An RX-28 turns without end because its angle limits are 0; `limits` (rad) are the ones to set again,
         the full range by default.
         """
+        require_model(self.target, "come back from endless turn")
         raw = None
         if limits is not None:
             given: object = limits
@@ -377,7 +388,7 @@ class Servo(Closed):
         return self._flags_text(self.alarms)
 
     def __str__(self) -> str:
-        text = f"{self.model.title} id {self.id} at {self.baud}"
+        text = f"{self.target} at {self.baud}"
         if self.state is not None:
             text += f": {self.state}"
         if self.alarms:

@@ -16,7 +16,7 @@ from functools import partial
 from numbers import Integral
 from typing import Any, ClassVar, Generic, Literal, TypeAlias, TypeVar
 
-from servobus.core.units import Quantity, Scale, Switch
+from servobus.core.units import Quantity, Raw, Scale, Switch
 from servobus.core.values import frozen, replace
 from servobus.errors import BadReading, BadValue, UsageError
 
@@ -251,6 +251,11 @@ class Register(Generic[T]):
     def check(self, raw: int) -> int:
         """Give the raw value back, or raise BadValue if this register must not be given it."""
         if not self.writable:
+            if isinstance(self.scale, Raw):
+                raise BadValue(
+                    f"{self.model}: {self.name} can only be read as long as the model is not known, for its unit "
+                    "differs from model to model; --model, models= or attach() tells the model"
+                )
             raise BadValue(f"{self.model} {self.name} can only be read")
         given: object = raw
         if type(given) is not int:

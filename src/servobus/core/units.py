@@ -105,6 +105,24 @@ class Count(Scale[int]):
             raise ValueError(f"{text!r} is not a whole number") from None
 
 
+class Raw(Scale[float]):
+    """A raw integer that is a quantity of a unit not known here, for that differs from model to model."""
+
+    def decode(self, raw: int) -> float:
+        return raw
+
+    def encode(self, value: float) -> int:
+        if int(_number(value)) != value:
+            raise ValueError(f"{said(value)} is not a whole number, as a raw value is")
+        return int(value)
+
+    def show(self, value: float) -> str:
+        return f"{value} (raw)"
+
+
+RAW = Raw()
+
+
 @frozen
 class Switch(Scale[bool]):
     """Off and on. `on` is the raw value that means on: 0 for the inverted LED of the LX servos."""

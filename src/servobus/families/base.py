@@ -41,11 +41,14 @@ __all__ = [
     "check_output",
     "fetch",
     "policy_register",
+    "require_model",
     "within",
 ]
 
 T = TypeVar("T")
 
+TELL_MODEL = "say which it is: --model MODEL, models={id: MODEL} or attach(MODEL, id)"
+"""The remedy for a servo whose model is not known."""
 ASK_AGAIN = 0.02
 """s between two questions to a servo that does not answer yet."""
 TRIES = 3
@@ -73,7 +76,7 @@ class ServoRef:
     answers: Answers
 
     def __str__(self) -> str:
-        return f"{self.model.title} id {self.id}"
+        return self.model.named(f"id {self.id}")
 
 
 @frozen
@@ -104,7 +107,7 @@ class KnownServo(ServoRef):
         return object.__hash__(self)
 
     def __str__(self) -> str:
-        return f"{self.model.title} id {self.id}"
+        return self.model.named(f"id {self.id}")
 
 
 @frozen
@@ -545,6 +548,14 @@ def policy_register(model: type[Model]) -> Register[Any] | None:
 def cannot(target: ServoRef, what: str, why: str) -> UsageError:
     """Make the error for a verb that a family does not have."""
     return UsageError(f"{target} cannot {what}: {why}")
+
+
+def require_model(target: ServoRef, what: str) -> None:
+    """Raise UsageError if it is not known what an angle is on this servo, for its model is not known."""
+    if target.model.unscaled("goal_position"):
+        raise UsageError(
+            f"{target} cannot {what} as long as its model is not known, for each model has its own units; {TELL_MODEL}"
+        )
 
 
 def blocks(spans: Iterable[tuple[int, int]], *, gap: int, longest: int) -> list[tuple[int, int]]:

@@ -9,7 +9,7 @@ from servobus.core.exchange import Now, Pause, Procedure, SetBaud
 from servobus.core.units import deg, finite, said, show
 from servobus.core.values import frozen
 from servobus.errors import BadValue, MoveTimeout, Stopped, TorqueOff, UsageError
-from servobus.families.base import AxisMove, KnownServo, MotionStatus, ServoRef
+from servobus.families.base import AxisMove, KnownServo, MotionStatus, ServoRef, require_model
 
 DEFAULT_SPEED = 90 * deg
 """Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try."""
@@ -143,7 +143,8 @@ def require_torque(move: PlannedMove) -> None:
 
 
 def raw_goal(target: ServoRef, angle: float) -> int:
-    """Turn an angle into a raw goal the model can take. Raises BadValue."""
+    """Turn an angle into a raw goal the model can take. Raises BadValue, UsageError if the model is not known."""
+    require_model(target, "be moved to an angle")
     given: object = angle
     if not isinstance(given, Real):
         raise BadValue(f"{target}: {said(angle)} is not a number; an angle is in radians, such as 90 * deg")
