@@ -173,12 +173,13 @@ class Stopped(MotionError):
 class StopFailed(MotionError):
     """Some of the servos that were to be stopped may still move. All others were stopped.
 
-    `failures` says why: servo, or an id that no known servo has -> error.
+    failures  servo, or an id that no known servo has -> why it may still move
+    stopped   servo -> what was done with it, as `Bus.stop` gives it
     """
 
-    def __init__(self, message: str, failures: Mapping[Any, Exception]) -> None:
+    def __init__(self, message: str, failures: Mapping[Any, Exception], stopped: Mapping[Any, Any]) -> None:
         super().__init__(message)
-        self.failures = failures
+        self.failures, self.stopped = failures, stopped
 
 
 class MoveTimeout(MotionError, TimeoutError):

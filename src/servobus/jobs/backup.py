@@ -9,7 +9,7 @@ from servobus.core.registers import Area, Register
 from servobus.core.values import frozen
 from servobus.errors import NotRestored, Refused, UsageError
 from servobus.families import registry
-from servobus.families.base import Answers, KnownServo, Model, ServoRef, policy_register
+from servobus.families.base import Answers, KnownServo, Model, ServoRef, policy_register, require_model
 from servobus.families.change import said
 
 
@@ -110,6 +110,12 @@ def _with_line(text: str, problem: str) -> str:
     return f"line {number} ({lines[number - 1].strip():.60}): {what}"
 
 
+def _same_settings(one: type[Model], other: type[Model]) -> bool:
+    """Tell whether settings of one model mean the same on the other: LX servos cannot say which model they are."""
+    unknown = one.family is other.family and (one.generic or other.generic)
+    return one is other or (unknown and not one.unscaled() and not other.unscaled())
+
+
 def settings(model: type[Model]) -> list[Register[Any]]:
     """List what a backup holds: every register that can be written and survives power-off."""
     return [row for row in model.registers.values() if row.area is Area.EEPROM and row.writable]
@@ -150,9 +156,10 @@ class Comparison:
 
 
 def compare(target: ServoRef, saved: Backup) -> Procedure[Comparison]:
-    """Compare a servo with a backup. Raises UsageError for a backup of another model."""
+    """Compare a servo with a backup. Raises UsageError for a backup of another model, or an unknown one."""
     model, family = target.model, target.model.family
-    if saved.model is not model:
+    require_model(target, "be restored")
+    if not _same_settings(saved.model, model):
         raise UsageError(
             f"the backup belongs to model {saved.model.title}, {target} is another model; nothing was written"
         )

@@ -243,9 +243,8 @@ def test_reset_of_what_cannot_is_refused_before_it_asks(run: Run) -> None:
 def test_T7_one_code_is_one_speed(run: Run, asked: int) -> None:
     """2 000 000 / 35 = 57143 baud: code 34, the speed from the factory (manual 3-4-1)."""
     said = run("set-baud", RX, 1, asked).stdout
-    assert said == "RX-28 id 1 talks at 57600 baud already" + (
-        "\n" if asked == 57_600 else f"; {asked} is the same to it\n"
-    )
+    other = "" if asked == 57_600 else f"; {asked} is the same to it"
+    assert said == f"RX-28 id 1 talks at 57600 baud already{other}\n"
 
 
 @pytest.mark.parametrize("asked", [123_456, 222_222, 2_000_000, 34_482, 1_100_000, 7_843, 1])
