@@ -16,6 +16,7 @@ import servobus
 from samples import can_be_silenced, has, one_model_of_each_family, other_bauds, turning
 from servobus import MODELS, BusError, StopFailed, deg
 from servobus.bus.asyncio import AsyncBus
+from servobus.families import registry
 from servobus.families.base import Answers, Model
 from servobus.families.herkulex.protocol import StatusError
 from servobus.virtual.device.servo import VirtualServo
@@ -93,8 +94,10 @@ def raw_goal(scene: Scene) -> None:
         fast_move(scene)
         return
     for servo, here in zip(scene.servos, scene.heres, strict=True):
-        more = {"goal_time": 2.5} if has(scene.model, "goal_time") else {}
-        scene.do(servo.write_many({row: here + WAY, **more}))
+        values: dict[Any, float] = {row: here + WAY}
+        if has(scene.model, "goal_time"):
+            values["goal_time"] = 2.5
+        scene.do(servo.write_many(values))
 
 
 WAYS: list[Callable[[Scene], None]] = [move, fast_move, group_move, turn, stream, raw_goal]
@@ -172,9 +175,16 @@ def other_speed(scene: Scene) -> None:
         scene.bus.attach(scene.model, 9, baud=scene.model.factory_baud).permit.mark_moving()
 
 
+def unknown_model(scene: Scene) -> None:
+    """What they are is not known, but for their family."""
+    model = registry.unknown(scene.model.family, 65_001)
+    assert model is not None
+    scene.servos = [scene.bus.attach(model, id, answers=scene.servos[0].target.answers) for id in (1, 2)]
+
+
 FAULTS: list[Callable[[Scene], None]] = [
     no_fault, absent_neighbours, lost_answers, no_answers, garbled, bad_line, lost_requests, cut_off, outside_limits,
-    shut_down, silent, other_speed,
+    shut_down, silent, other_speed, unknown_model,
 ]  # fmt: skip
 
 
@@ -240,14 +250,14 @@ def torque_block(scene: Scene) -> str:
 
         async def leave() -> None:
             with bus.safety.letting_go(error):
-                await bus._let_go(scene.servos, error)
+                await bus._let_go(scene.servos, scene.servos, error)
 
         error = _SlipError()
         asyncio.run(leave())
     else:
         error = _SlipError()
         with bus.safety.letting_go(error):
-            bus.torque_off(bus.safety.secure(scene.servos, error))
+            bus._leave(bus.safety.secure(scene.servos, error), scene.servos)
     return "\n".join(getattr(error, "__notes__", ()))
 
 
