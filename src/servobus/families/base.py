@@ -192,6 +192,8 @@ class Family(ABC):
     """Names of the registers that the verbs of this family rely on, beside those that every model has."""
     one_table: ClassVar[bool] = False
     """Whether the registers of all its models are the same, so that values can be told without knowing the model."""
+    torque_returns: ClassVar[bool] = False
+    """Whether a torque that an alarm has switched off comes back by itself when that is over."""
     keepable: ClassVar[tuple[str, ...]] = ()
     """What `reset` can leave alone: some of "id", "baud" and "calibration"."""
 
