@@ -136,9 +136,11 @@ class Limit:
 
 
 class HasOptions(Protocol):
-    """What has the values of its options by name."""
+    """What has the values of its options by name, and wants to know of changes."""
 
     options: dict[str, Any]
+
+    def options_changed(self) -> None: ...
 
 
 @frozen
@@ -174,6 +176,7 @@ class Option(Generic[T]):
 
     def __set__(self, servo: HasOptions, value: T | str) -> None:
         servo.options[self.name] = self.read(value)
+        servo.options_changed()
 
     def but(self, **changes: Any) -> "Option[T]":
         """Give an option with these changes, for a firmware that differs from the one it is taken from."""
