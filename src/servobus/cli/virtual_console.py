@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from servobus.cli.options import split_assignment
 from servobus.cli.output import note
 from servobus.cli.virtual_options import options_text
 from servobus.core.ids import parse_ids
@@ -98,7 +97,10 @@ class VirtualConsole:
 
     def _options(self, servos: list[VirtualServo], words: list[str]) -> str:
         """Set options of all these servos, or of none; show those that were set, or all."""
-        given = dict(split_assignment(word, "NAME=VALUE, an option of a virtual servo") for word in words)
+        for word in words:
+            if "=" not in word:
+                raise UsageError(f"{word!r} sets no option; write NAME=VALUE, such as goal_torque=off")
+        given = {name: value for name, _, value in (word.partition("=") for word in words)}
         values = [read_options(type(servo), servo.model, given) for servo in servos]
         for servo, some in zip(servos, values, strict=True):
             for name, value in some.items():

@@ -10,7 +10,6 @@ manual is silent; `practice` is what real servos, recordings of them and other p
 values of its own under `practice`, see `Model.practice`.
 """
 
-import difflib
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any, Generic, Literal, NamedTuple, Protocol, Self, TypeAlias, TypeVar, get_args, overload
@@ -229,6 +228,8 @@ def read_options(firmware: type, model: type[Model], given: Mapping[str, Any]) -
 
 def suggestion(name: str, known: Iterable[str]) -> str:
     """Say which names there are, and which are near to one that is not there."""
+    import difflib  # noqa: PLC0415 - only ever needed for this message
+
     names = sorted(known)
     near = difflib.get_close_matches(name, names, n=2, cutoff=0.5)
     meant = f"did you mean {' or '.join(near)}? " if near else ""
