@@ -62,6 +62,7 @@ class Lewansoul(Family):
     name = "lewansoul"
     title = "LewanSoul bus servo protocol"
     framing = FRAMING
+    torque_returns = True  # point 16
     needs = ("goal_time", "led", "mode", "motor_speed")
 
     def ping(self, id: int) -> Exchange[None]:
