@@ -180,11 +180,11 @@ def virtual(
     stop = stop_on_signals()
     rig = build_rig(setup)
     _note_duplicate_ids(servos)
+    _note_options(rig)
     table = LiveTable(rig, stop) if show else None
 
     def ready(name: str) -> None:
         _ready(name)
-        _note_options(rig)
         if table:
             table.start(name)
         read_commands(VirtualConsole(rig, table.show_note if table else note), stop)
