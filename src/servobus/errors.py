@@ -19,6 +19,7 @@
     │   └── Refused                   the servo understood and said no
     └── MotionError                   motion was refused, or ended before its goal: no fault of the line
         ├── TorqueOff                 a move was asked of a servo without torque
+        ├── OutsideLimits             torque would make it run to its limits, for it stands outside of them
         ├── Restarted                 the servo lost what was set in its RAM
         ├── Stopped                   the servos were made safe or stopped: what was under way ended
         └── MoveTimeout (TimeoutError)  the servo did not arrive in time
@@ -115,6 +116,10 @@ class MotionError(ServobusError):
 
 class TorqueOff(MotionError):
     """A move was asked of a servo whose torque is off."""
+
+
+class OutsideLimits(MotionError):
+    """Torque was asked of a servo that stands outside the limits set in it, and would run to the nearest at once."""
 
 
 class Restarted(MotionError):

@@ -87,10 +87,8 @@ class Toy(Family):
         (here,) = yield from self.read(target, [target.model.register("present_position")])
         yield from self.put(target, {target.model.register("goal_position"): here}, keep=False)
 
-    def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
-        if on:
-            yield from self.stop(target)
-        yield from self.write(target, {target.model.register("torque_enable"): int(on)})
+    def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:  # noqa: ARG002 - no turn
+        yield from self.stop(target)
 
     def push(self, target: ServoRef) -> Procedure[float]:
         return float((yield from self.moving(target)))
@@ -99,8 +97,8 @@ class Toy(Family):
         alarms: Trouble = yield ping(target.id).mapped(trouble)
         return alarms
 
-    def rearm(self, target: KnownServo) -> Procedure[None]:
-        yield from self.torque(target, on=True)
+    def end_shutdown(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:  # noqa: ARG002
+        yield from ()  # it never switches its torque off by itself
 
     def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:  # noqa: ARG002
         yield from ()

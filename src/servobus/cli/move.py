@@ -23,6 +23,7 @@ from servobus.cli.output import console, note, print_json
 from servobus.core.ids import check_id
 from servobus.core.units import parse, show, shown
 from servobus.errors import BadValue, UsageError
+from servobus.jobs.move import GRACE
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -31,8 +32,6 @@ DRAW_PERIOD = 0.04
 """s between two drawings of the way."""
 LONGEST = 3600.0
 """s that a move may take: nothing moves that slowly on purpose."""
-GRACE = 2.0
-"""s that a move may take longer than planned, as in `Move.wait`."""
 
 
 @verb(
@@ -72,7 +71,7 @@ def move(
     with open_port(port) as bus, sigterm_as_interrupt():
         servos = find_all(bus, where, list(angles))
         try:
-            under_way = _start(bus, angles, time, speed, quiet=json)
+            under_way = _start(bus, angles, time, speed, no_wait=no_wait, quiet=json)
             if no_wait:
                 if not json:
                     click.echo(f"moving for {under_way.duration:.2f} s")
@@ -106,12 +105,21 @@ def _goals(texts: Sequence[str]) -> dict[int, float]:
     return dict(pairs)
 
 
-def _start(bus: Bus, angles: Mapping[int, float], time: float | None, speed: float | None, *, quiet: bool) -> Move:
+def _start(
+    bus: Bus, angles: Mapping[int, float], time: float | None, speed: float | None, *, no_wait: bool, quiet: bool
+) -> Move:
     """Check everything, then switch the torque on where it is off, then start."""
     planned = bus.plan_move(angles, time=time, speed=speed)
+    if no_wait and len(planned.legs) > 1:
+        step = show(planned.duration / len(planned.legs), "s")
+        raise UsageError(
+            f"this move takes {show(planned.duration, 's')}, and goes to the servo in parts of {step}, so the command "
+            "must wait for it; leave --no-wait out, or go faster"
+        )
     without_torque = [bus[target.id] for target in planned.without_torque]
     try:
-        bus.torque_on(without_torque)
+        if without_torque:
+            bus.torque_on(without_torque)
         bus.start_planned(planned)
     except ServobusError:
         bus.torque_off(without_torque)  # leave them as they were
@@ -138,19 +146,14 @@ def _show_progress(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, fl
     from rich.live import Live  # noqa: PLC0415 - slow to import, and only wanted on terminals
 
     clock = bus.transport
-    end = clock.now() + under_way.duration
+    end = clock.now() + under_way.duration + GRACE
     with Live(console=console(), auto_refresh=False, transient=True) as live:
         while True:
             live.update(_progress_table(servos, angles, bus.read_all("present_position")), refresh=True)
-            if clock.now() >= end:
-                try:
-                    under_way.wait(timeout=0)
-                except MoveTimeout:
-                    if clock.now() >= end + GRACE:
-                        raise
-                else:
-                    return
+            if clock.now() >= end or under_way.done:
+                break
             clock.sleep(DRAW_PERIOD)
+    under_way.wait()
 
 
 def _progress_table(

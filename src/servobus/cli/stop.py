@@ -1,6 +1,6 @@
 """`stop` and `torque`: stop servos, and switch their torque."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import click
@@ -10,15 +10,19 @@ from servobus.cli.options import (
     ALL,
     ID_OR_ALL,
     Where,
+    check_to_limit,
     check_unique,
     find_all,
     on_port,
     open_port,
+    sigterm_as_interrupt,
+    to_limit_options,
     verb,
 )
 from servobus.cli.output import note, warn_alarms
 from servobus.core.ids import BROADCAST, LAST_ID
-from servobus.errors import NoReply
+from servobus.core.units import show
+from servobus.errors import BusError, MotionError, NoReply
 from servobus.families.base import Answers, KnownServo, ServoRef
 from servobus.jobs.scan import ScanProgress, scan
 
@@ -62,30 +66,51 @@ def stop(port: str, where: Where, ids: Ids) -> None:
 @verb(
     "torque",
     "servobus torque /dev/ttyUSB0 1 2 on",
+    "servobus torque /dev/ttyUSB0 1 on --to-limit --speed 10",
     "servobus torque /dev/ttyUSB0 all off",
 )
 @on_port
 @click.argument("ids", metavar="ID...|all", type=ID_OR_ALL, nargs=-1, required=True)
 @click.argument("state", metavar="on|off", type=click.Choice(["on", "off"]))
-def torque(port: str, where: Where, ids: Ids, state: str) -> None:
+@to_limit_options
+def torque(port: str, where: Where, ids: Ids, state: str, to_limit: bool, speed: float | None) -> None:
     """Switch the torque of servos on PORT on or off.
 
-    On: each holds where it is, nothing jumps. Off: each shaft turns freely, so support what it carries.
+    On: each holds where it is, nothing moves. A servo that would run to its limits, because it stands outside of them,
+    is refused; --to-limit brings it there slowly. Off: each shaft turns freely, so support what it carries.
     `all off` is one broadcast per family, which every servo obeys at once and none answers.
     """
     wanted = _named_ids(ids)
-    with open_port(port) as bus:
+    if state == "off" and to_limit:
+        raise click.UsageError("--to-limit goes with on")
+    check_to_limit(to_limit, speed)
+    with open_port(port) as bus, sigterm_as_interrupt():
         if not wanted and state == "off":
             _broadcast_torque_off(bus, where)
             return
         servos = find_all(bus, where, wanted) if wanted else _find_every_servo(bus, where, lambda _: None)
         if state == "on":
-            bus.torque_on(servos)
-        else:
-            bus.torque_off(servos)
+            _torque_on(servos, to_limit=to_limit, speed=speed)
+            return
+        bus.torque_off(servos)
         for servo in servos:
-            click.echo(f"{servo.target}: torque {state}")
+            click.echo(f"{servo.target}: torque off")
             warn_alarms(servo)
+
+
+def _torque_on(servos: Sequence[BusServo], *, to_limit: bool, speed: float | None) -> None:
+    """Switch each on, even if another fails; what failed is told at the end."""
+    failed: list[str] = []
+    for servo in servos:
+        try:
+            servo.torque_on(to_limit=to_limit, speed=speed)
+        except (BusError, MotionError) as error:
+            failed.append(str(error))
+        else:
+            click.echo(f"{servo.target}: torque on, holds {show(servo.look().position, 'rad')}")
+        warn_alarms(servo)
+    if failed:
+        raise ServobusError("; ".join(failed))
 
 
 def _named_ids(ids: Ids) -> list[int]:

@@ -7,7 +7,7 @@ from servobus.core.registers import Register
 from servobus.core.units import show
 from servobus.core.values import frozen
 from servobus.errors import Restarted
-from servobus.families.base import Family, Identity, KnownServo, ServoRef
+from servobus.families.base import Family, Identity, KnownServo, ServoRef, TorqueState
 
 
 @frozen
@@ -21,22 +21,22 @@ class Snapshot:
     temperature: float
     """°C"""
     torque: bool
+    """Whether it is driven."""
+    shutdown: str = ""
+    """What keeps its torque off until it is rearmed; "" if nothing does."""
 
     def __str__(self) -> str:
-        torque = "on" if self.torque else "off"
-        return (
-            f"{show(self.position, 'rad')}, {show(self.voltage, 'V')}, "
-            f"{show(self.temperature, 'degC')}, torque {torque}"
-        )
+        torque = TorqueState(self.torque, self.shutdown)
+        return f"{show(self.position, 'rad')}, {show(self.voltage, 'V')}, {show(self.temperature, 'degC')}, {torque}"
 
 
 def look(target: ServoRef) -> Procedure[Snapshot]:
     """Read position, voltage, temperature and torque."""
-    names = ("present_position", "present_voltage", "present_temperature", "torque_enable")
-    rows = [target.model.register(name) for name in names]
-    raw = yield from target.model.family.read(target, rows)
-    position, voltage, temperature, _ = (row.decode(value) for row, value in zip(rows, raw, strict=True))
-    return Snapshot(position, voltage, temperature, target.model.family.torque_on(raw[3]))
+    family, shown = target.model.family, ("present_position", "present_voltage", "present_temperature")
+    raw = yield from family.read_values(target, dict.fromkeys((*shown, *family.torque_rows)))
+    position, voltage, temperature = (target.model.register(name).decode(raw[name]) for name in shown)
+    torque = family.torque_state(raw)
+    return Snapshot(position, voltage, temperature, torque.on, torque.shutdown)
 
 
 def identify_at(family: Family, id: int, baud: int) -> Procedure[Identity]:

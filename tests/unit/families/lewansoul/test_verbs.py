@@ -34,6 +34,19 @@ READS = {
 """write command -> the read command that gives the same values back"""
 
 
+FINE = {
+    "SERVO_POS_READ": (500,),
+    "SERVO_LOAD_OR_UNLOAD_READ": (1,),
+    "SERVO_ANGLE_LIMIT_READ": (0, 1000),
+    "SERVO_OR_MOTOR_MODE_READ": (0, 0, 0),
+    "SERVO_TEMP_READ": (25,),
+    "SERVO_TEMP_MAX_LIMIT_READ": (85,),
+    "SERVO_VIN_READ": (7400,),
+    "SERVO_VIN_LIMIT_READ": (6500, 12000),
+}
+"""Answers of a servo at 120° that holds, with limits from the factory (replies 5 to 10, points 14, 16)."""
+
+
 class Pretender:
     """Answers like a servo with id 3: what a write command leaves, its read command gives back."""
 
@@ -157,13 +170,10 @@ def test_what_the_servo_forgets_cannot_be_stored() -> None:
 
 def test_the_stance_is_read_with_one_question_per_command() -> None:
     servo = Pretender(
-        SERVO_POS_READ=(500,),
-        SERVO_LOAD_OR_UNLOAD_READ=(1,),
-        SERVO_ANGLE_LIMIT_READ=(100, 900),
-        SERVO_OR_MOTOR_MODE_READ=(0, 0, 0),
+        **FINE | {"SERVO_ANGLE_LIMIT_READ": (100, 900)},
     )
     motion_status = servo.run_blocking(FAMILY.motion_status(TARGET))
-    assert len(servo.steps) == 4
+    assert len(servo.steps) == len(FINE)
     assert math.degrees(motion_status.position) == pytest.approx(120)
     assert (motion_status.torque, motion_status.low, motion_status.high, motion_status.turning) == (
         True,
@@ -221,16 +231,23 @@ def test_stop_ends_a_move_first_and_then_an_endless_turn() -> None:
     assert servo.steps[2:] == ["SERVO_OR_MOTOR_MODE_WRITE id 3, mode 1, null 0, speed 0"]
 
 
-@pytest.mark.parametrize("on", [True, False])
-def test_torque_is_one_command(on: bool) -> None:
+def test_torque_off_is_one_command() -> None:
     servo = Pretender()
-    servo.run_blocking(FAMILY.torque(TARGET, on))
-    assert servo.steps == [f"SERVO_LOAD_OR_UNLOAD_WRITE id 3, load {int(on)}"]
+    servo.run_blocking(FAMILY.torque(TARGET, on=False))
+    assert servo.steps == ["SERVO_LOAD_OR_UNLOAD_WRITE id 3, load 0"]
+
+
+@pytest.mark.parametrize(("here", "moves"), [(500, ["SERVO_MOVE_TIME_WRITE id 3, angle 500, time_ms 0"]), (-40, [])])
+def test_before_torque_on_the_present_position_is_the_goal_where_it_can_be_one(here: int, moves: list[str]) -> None:
+    servo = Pretender(**FINE | {"SERVO_POS_READ": (here,), "SERVO_LOAD_OR_UNLOAD_READ": (0,)})
+    servo.run_blocking(FAMILY.torque(TARGET, on=True))
+    sent = [step for step in servo.steps if "READ" not in step]
+    assert sent == ["SERVO_MOVE_STOP id 3", *moves, "SERVO_LOAD_OR_UNLOAD_WRITE id 3, load 1"]
 
 
 @pytest.mark.parametrize(("output", "duty"), [(1, 1000), (-1, -1000), (0.25, 250), (0, 0)])
 def test_turning_is_a_share_of_full_output(output: float, duty: int) -> None:
-    servo = Pretender()
+    servo = Pretender(**FINE)
     servo.run_blocking(FAMILY.turn(TARGET, speed=None, output=output))
     assert servo.answers[Command.SERVO_OR_MOTOR_MODE_READ] == (Mode.MOTOR, 0, duty)
 
@@ -242,16 +259,12 @@ def test_turning_at_a_speed_or_beyond_full_output_is_refused() -> None:
 
 
 def test_position_mode_sets_limits_only_where_given_and_changes_the_mode_only_where_needed() -> None:
-    servo = Pretender(SERVO_OR_MOTOR_MODE_READ=(1, 0, 800), SERVO_ANGLE_LIMIT_READ=(0, 1000))
+    servo = Pretender(**FINE | {"SERVO_OR_MOTOR_MODE_READ": (1, 0, 800)})
     servo.run_blocking(FAMILY.position_mode(TARGET, None))
     assert servo.answers[Command.SERVO_OR_MOTOR_MODE_READ] == (0, 0, 0)
     servo.steps.clear()
     servo.run_blocking(FAMILY.position_mode(TARGET, (100, 900)))
-    assert servo.steps == [
-        "SERVO_ANGLE_LIMIT_READ id 3",
-        "SERVO_ANGLE_LIMIT_WRITE id 3, min 100, max 900",
-        "SERVO_OR_MOTOR_MODE_READ id 3",
-    ]
+    assert [step for step in servo.steps if "WRITE" in step] == ["SERVO_ANGLE_LIMIT_WRITE id 3, min 100, max 900"]
     with pytest.raises(BadValue):
         servo.run_blocking(FAMILY.position_mode(TARGET, (0, 1001)))
 

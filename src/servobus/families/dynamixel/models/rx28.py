@@ -1,6 +1,6 @@
 """RX-28. Source: RX-28 user's manual, section 3-4 (control table) and 1-3 (specification)."""
 
-from servobus.core.registers import U8, U16, Access, Area, Int, Register
+from servobus.core.registers import U8, U16, Access, Area, Int, Motion, Register
 from servobus.core.units import Count, Flags, Quantity, Switch, deg, rpm
 from servobus.families.dynamixel.places import Address
 from servobus.families.dynamixel.protocol import BAUD, Error
@@ -65,11 +65,11 @@ class RX28(Model):
     )  # fmt: skip
     cw_angle_limit = Register(
         Address(6), U16, angle, "lowest goal position; 0 with the other limit 0 is endless turn",
-        default=0, limits=(0, 1023), area=EEPROM,
+        default=0, limits=(0, 1023), area=EEPROM, motion=Motion.LIMIT,
     )  # fmt: skip
     ccw_angle_limit = Register(
         Address(8), U16, angle, "highest goal position; 0 with the other limit 0 is endless turn",
-        default=1023, limits=(0, 1023), area=EEPROM,
+        default=1023, limits=(0, 1023), area=EEPROM, motion=Motion.LIMIT,
     )  # fmt: skip
     reserved_10 = Register(
         Address(10),
@@ -140,16 +140,18 @@ class RX28(Model):
         Address(29), U8, steps, "width over which torque falls, counter-clockwise side; acts in seven levels",
         default=32, limits=(1, 254), note="ED-13, ED-17",
     )  # fmt: skip
-    goal_position = Register(Address(30), U16, angle, "target position", limits=(0, 1023), volatile=True, motion=True)
+    goal_position = Register(
+        Address(30), U16, angle, "target position", limits=(0, 1023), volatile=True, motion=Motion.GOAL
+    )
     moving_speed = Register(
         Address(32), Int(2, sign_bit=10), speed,
         "speed to the goal, 0 is uncontrolled full speed; in endless turn a share of full output with direction",
-        default=0, limits=(-1023, 1023), volatile=True, motion=True,
+        default=0, limits=(-1023, 1023), volatile=True, motion=Motion.SPEED,
         note="ED-14: bit 10, the direction, is accepted in endless turn only",
     )  # fmt: skip
     torque_limit = Register(
         Address(34), U16, share, "torque limit in use; starts as max_torque, 0 after a shutdown", limits=(0, 1023),
-        volatile=True, note="ED-29",
+        volatile=True, motion=Motion.STRENGTH, note="ED-29",
     )  # fmt: skip
     present_position = Register(Address(36), U16, angle, "position", access=READ)
     present_speed = Register(
@@ -183,7 +185,9 @@ class RX28(Model):
         Address(47), U8, Switch(), "on: only addresses 24 to 35 can be written until power-off",
         default=0, limits=(0, 1), note="ED-21",
     )  # fmt: skip
-    punch = Register(Address(48), U16, share, "lowest torque inside the compliance slope", default=32, limits=(0, 1023))
+    punch = Register(
+        Address(48), U16, share, "lowest torque inside the compliance slope", default=32, limits=(0, 1023),
+    )  # fmt: skip
 
     # The names that all families share, see servobus.families.model.
     baud = baud_rate

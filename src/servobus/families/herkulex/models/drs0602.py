@@ -1,6 +1,6 @@
 """DRS-0602. Source: DRS-0602 user's manual, sections 2-3 (specification) and 4-2 (register map, NO 1 to 60)."""
 
-from servobus.core.registers import S8, S16, U8, U16, Access, Register
+from servobus.core.registers import S8, S16, U8, U16, Access, Motion, Register
 from servobus.core.units import Choice, Count, Flags, Quantity, deg, ms
 from servobus.families.base import Answers
 from servobus.families.herkulex.places import Eep, EepRam, Ram
@@ -131,19 +131,21 @@ class DRS0602(Model):
         EepRam(18, 12), U16, Quantity("pwm per position unit", 1 / 256),
         "output allowed more with each step from the goal; 0 is no saturator", default=0, limits=(0, 32767),
     )  # fmt: skip
-    pwm_offset = Register(EepRam(20, 14), S8, share, "output added in position control", default=0)
-    min_pwm = Register(EepRam(21, 15), U8, share, "lowest output", default=0, limits=(0, 254))
+    pwm_offset = Register(
+        EepRam(20, 14), S8, share, "output added in position control", default=0, motion=Motion.OUTPUT
+    )
+    min_pwm = Register(EepRam(21, 15), U8, share, "lowest output", default=0, limits=(0, 254), motion=Motion.OUTPUT)
     max_pwm = Register(EepRam(22, 16), U16, share, "highest output", default=1023, limits=(0, 1023))
     overload_pwm_threshold = Register(
         EepRam(24, 18), U16, share, "output above which it counts as overload; full output is never above 1023",
         default=1022, limits=(0, 1023), note="EH-13: compared strictly, so 1023 switches the detection off",
     )  # fmt: skip
     min_position = Register(
-        EepRam(26, 20), U16, angle, "lowest goal", default=10627, limits=(0, 32767),
+        EepRam(26, 20), U16, angle, "lowest goal", default=10627, limits=(0, 32767), motion=Motion.LIMIT,
         note="EH-10: 10627 as in the table; 0x2A belongs to 11-bit models",
     )  # fmt: skip
     max_position = Register(
-        EepRam(28, 22), U16, angle, "highest goal", default=22129, limits=(0, 32767),
+        EepRam(28, 22), U16, angle, "highest goal", default=22129, limits=(0, 32767), motion=Motion.LIMIT,
         note="EH-10: 22129 as in the table; 0x7D5 belongs to 11-bit models",
     )  # fmt: skip
     position_kp = Register(EepRam(30, 24), U16, eighths, "position control, P gain", default=70, limits=GAIN)
@@ -198,7 +200,8 @@ class DRS0602(Model):
     reserved_40 = Register(EepRam(51, 45), U8, Count(), "reserved, NO 40", access=RESERVED)
     calibration_difference = Register(
         EepRam(52, 46), S16, steps, "absolute less calibrated position; NO 41 and 42", default=0,
-        limits=(-1495, 1495), note="EH-11: one signed 16-bit value; -255 .. 255 fits the older models",
+        limits=(-1495, 1495), motion=Motion.ZERO,
+        note="EH-11: one signed 16-bit value; -255 .. 255 fits the older models",
     )  # fmt: skip
     status_error = Register(
         Ram(48), U8, errors, "errors; each stays until it is written 0", default=0, limits=(0, 0x7F),
@@ -208,7 +211,10 @@ class DRS0602(Model):
         Ram(49), U8, Flags(StatusDetail), "causes of invalid packets, to be cleared; moving, inposition, torque on",
         default=0, limits=(0, 0x7F), volatile=True, latched=True,
     )  # fmt: skip
-    aux_1 = Register(Ram(50), U8, Choice(Aux), "sets absolute_position anew", default=0, limits=(0, 6), volatile=True)
+    aux_1 = Register(
+        Ram(50), U8, Choice(Aux), "sets absolute_position anew", default=0, limits=(0, 6), volatile=True,
+        motion=Motion.ZERO,
+    )  # fmt: skip
     reserved_46 = Register(Ram(51), U8, Count(), "reserved, NO 46", default=0, access=RESERVED)
     torque_control = Register(
         Ram(52), U8, Choice(TorqueControl), "free, brake or on", default=0, limits=(0, 0x60), allowed=(0, 0x40, 0x60),
