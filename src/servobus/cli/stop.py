@@ -21,7 +21,6 @@ from servobus.cli.options import (
 )
 from servobus.cli.output import note, warn_alarms
 from servobus.core.ids import BROADCAST, LAST_ID
-from servobus.core.units import show
 from servobus.errors import BusError, MotionError, NoReply
 from servobus.families.base import Answers, KnownServo, ServoRef
 from servobus.jobs.scan import ScanProgress, scan
@@ -107,7 +106,7 @@ def _torque_on(servos: Sequence[BusServo], *, to_limit: bool, speed: float | Non
         except (BusError, MotionError) as error:
             failed.append(str(error))
         else:
-            click.echo(f"{servo.target}: torque on, holds {show(servo.look().position, 'rad')}")
+            click.echo(f"{servo.target}: torque on")
         warn_alarms(servo)
     if failed:
         raise ServobusError("; ".join(failed))

@@ -19,6 +19,7 @@ from servobus.families.motion import (
     MotionStatus,
     TorqueState,
     begin_motion,
+    check_awake,
     check_hold,
     check_inside,
     movement,
@@ -267,9 +268,10 @@ class Family(ABC):
         if not on:
             yield from self._set(target, {enable: 0})
             return
+        target.permit.ask()
         motion_status = yield from self.motion_status(target)
         check_hold(target, motion_status)
-        begin_motion(target, waking=True)
+        target.permit.mark_moving()
         if not motion_status.torque:
             yield from self.settle(target, motion_status)
         yield from self.switch_on(target)
@@ -343,6 +345,8 @@ class Family(ABC):
 
     def about_to_turn(self, target: KnownServo) -> Procedure[MotionStatus]:
         """Make sure that the servo would turn, and take note that it does. Raises TorqueOff, Stopped or Restarted."""
+        target.permit.ask()
+        check_awake(target)
         motion_status = yield from self.motion_status(target)
         if not motion_status.torque:
             raise no_torque(target, motion_status.shutdown)

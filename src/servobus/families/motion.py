@@ -134,14 +134,20 @@ def check_inside(target: ServoRef, status: MotionStatus, *, whose: str = "set in
     )
 
 
-def begin_motion(target: KnownServo, *, waking: bool = False) -> None:
-    """Take note that a servo is set in motion or switched on now, which is the last thing before it is.
-
-    Raises Stopped if it must not move, Restarted if it has lost its RAM and this is not `waking` it.
-    """
-    if target.record.restarted and not waking:
-        raise Restarted(f"{target} has restarted, and is not moved before torque_on() or rearm()")
+def begin_motion(target: KnownServo) -> None:
+    """Take note that a servo is set in motion now, the last thing before it is. Raises Stopped or Restarted."""
+    check_awake(target)
     target.permit.mark_moving()
+
+
+def check_awake(target: KnownServo) -> None:
+    """Raise Restarted if the servo has lost its RAM since it was set up."""
+    if target.record.restarted:
+        raise Restarted(f"{target} has restarted, and is not moved before torque_on() or rearm()")
+
+
+ASKED_FOR = {Motion.GOAL, Motion.SPEED, Motion.MODE}
+"""Writes that are commands of motion; others may move the servo beside what they set."""
 
 
 def movement(target: KnownServo, values: Mapping[Register[Any], int]) -> Procedure[float | None]:
@@ -153,6 +159,8 @@ def movement(target: KnownServo, values: Mapping[Register[Any], int]) -> Procedu
     rows = {row.motion: row for row in values if row.motion is not None}
     if not rows:
         return None
+    if not rows.keys().isdisjoint(ASKED_FOR):
+        target.permit.ask()
     status = yield from target.model.family.motion_status(target)
     after = _limits_after(target, status, values)
     if Motion.LIMIT in rows:
@@ -204,10 +212,12 @@ def _way(
     """Tell how far writing one register moves the servo; see `movement`."""
     match row.motion:
         case Motion.GOAL:
+            check_awake(target)
             if not status.torque:
                 raise no_torque(target, status.shutdown)
             return check_goal(target, after, raw)
         case Motion.SPEED | Motion.MODE if raw and after.turning:
+            check_awake(target)
             if not status.torque:
                 raise no_torque(target, status.shutdown)
             return 0.0

@@ -119,12 +119,16 @@ class MotionPermit:
         """Whether something has ended its motion since it was set going."""
         return self.stopped or not self.driven
 
-    def mark_moving(self) -> None:
-        """Take note that it is set in motion or switched on now. Raises Stopped if that must not be."""
+    def ask(self) -> None:
+        """Raise Stopped if it must not be set in motion or switched on now."""
         if self.inhibited:
             raise Stopped(self.inhibited)
         if self.before_motion is not None:
             self.before_motion()
+
+    def mark_moving(self) -> None:
+        """Take note that it is set in motion or switched on now. Raises Stopped if that must not be."""
+        self.ask()
         self.driven, self.stopped = True, False
 
     def mark_idle(self) -> None:

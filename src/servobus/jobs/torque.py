@@ -6,7 +6,7 @@ from servobus.core.exchange import Procedure
 from servobus.core.units import deg
 from servobus.errors import BadValue
 from servobus.families.base import AxisMove, KnownServo, MotionStatus
-from servobus.families.motion import begin_motion, inside_limits, nearest, no_torque, raw_position
+from servobus.families.motion import inside_limits, nearest, no_torque, raw_position
 from servobus.jobs.move import SHORTEST, PlannedMove, start_move, wait_arrival
 
 TO_LIMIT_SPEED = 20 * deg
@@ -59,7 +59,7 @@ def _come_in(target: KnownServo, motion_status: MotionStatus, pace: float) -> Pr
     axis = AxisMove(target, goal, distance, max(distance / pace, SHORTEST))
     family.check_axis(axis)
     move = PlannedMove([axis], starts=[raw_position(target, motion_status)])
-    begin_motion(target, waking=True)
+    target.permit.mark_moving()
     if family.holds_outside_limits:
         yield from family.torque(target, on=True)
         yield from start_move(move)

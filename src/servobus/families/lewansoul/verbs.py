@@ -169,10 +169,10 @@ class Lewansoul(Family):
         here = raw_position(target, motion_status)
         if motion_status.turning:
             yield from mode_write(target.id, Mode.MOTOR, 0)
-            return
-        yield from move_stop(target.id)
-        if motion_status.low <= here <= motion_status.high:
+        elif motion_status.low <= here <= motion_status.high:
             yield from move_time_write(target.id, here, 0)
+        else:
+            yield from move_stop(target.id)
 
     def push(self, target: ServoRef) -> Procedure[float]:
         """Nothing tells the output: one that holds and is not near its goal is taken to push with all it has."""
