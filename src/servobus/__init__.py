@@ -23,6 +23,7 @@ from servobus.connect import open, open_async
 from servobus.core.units import deg, ms, rpm
 from servobus.errors import (
     BadChecksum,
+    BadReading,
     BadValue,
     BrokenEcho,
     BusError,
@@ -40,12 +41,14 @@ from servobus.errors import (
     Restarted,
     ServobusError,
     ShortReply,
+    StopFailed,
     Stopped,
     TorqueOff,
     UnknownName,
     UsageError,
     WrongReply,
 )
+from servobus.families.base import StopOutcome
 from servobus.families.dynamixel import protocol as dynamixel1
 from servobus.families.herkulex import protocol as herkulex
 from servobus.families.lewansoul import protocol as lewansoul
@@ -83,6 +86,7 @@ __all__ = [
     "AsyncMove",
     "Backup",
     "BadChecksum",
+    "BadReading",
     "BadValue",
     "BrokenEcho",
     "Bus",
@@ -111,6 +115,8 @@ __all__ = [
     "ShortReply",
     "Snapshot",
     "Stats",
+    "StopFailed",
+    "StopOutcome",
     "Stopped",
     "Thresholds",
     "TorqueOff",

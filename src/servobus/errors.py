@@ -16,22 +16,44 @@
     │   ├── DuplicateId               two answers to one question: two servos have one id
     │   ├── BrokenEcho                the line gave back something else than was sent
     │   ├── LineBusy                  bytes keep coming although nothing was asked
+    │   ├── BadReading (ValueError)   a register reads as what it cannot hold, or as a code without meaning
     │   └── Refused                   the servo understood and said no
-    └── MotionError                   motion was refused, or ended before its goal: no fault of the line
+    └── MotionError                   motion was refused, ended before its goal, or may go on
         ├── TorqueOff                 a move was asked of a servo without torque
         ├── OutsideLimits             torque would make it run to its limits, for it stands outside of them
         ├── Restarted                 the servo lost what was set in its RAM
         ├── Stopped                   the servos were made safe or stopped: what was under way ended
+        ├── StopFailed                some of the servos that were to be stopped may still move
         └── MoveTimeout (TimeoutError)  the servo did not arrive in time
 
-A loop that asks again after a BusError never swallows a stop: Stopped is no BusError.
+A loop that asks again after a BusError never swallows a stop: neither Stopped nor StopFailed is a BusError.
 
 An alarm (overheating, low voltage ...) is not in this tree: it is data, and stands beside the values.
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
 
 class ServobusError(Exception):
-    """Base of all errors that servobus raises on purpose."""
+    """Base of all errors that servobus raises on purpose.
+
+    before  what was there before the change that this error broke off, register -> value in its unit; empty where the
+            error broke off no change of settings
+    """
+
+    before: Mapping[str, Any] = MappingProxyType({})
+
+    def tell_before(self, before: Mapping[str, Any], said: str) -> None:
+        """Say in the message, and in `before`, what was there before; the first who says so knows best."""
+        if not before or self.before:
+            return
+        self.before = dict(before)
+        if len(self.args) == 1:
+            self.args = (f"{self.args[0]}; {said}",)
+        else:
+            self.add_note(said)
 
 
 class UsageError(ServobusError, ValueError):
@@ -98,6 +120,13 @@ class LineBusy(BusError):
     """Bytes keep coming although nothing was asked: another master, or noise."""
 
 
+class BadReading(BusError, ValueError):
+    """A register reads as what it cannot hold, or as a code without a known meaning, also when asked again.
+
+    `read_raw` gives it as it is.
+    """
+
+
 class WrongReply(BusError):
     """A good packet came, but from another servo or to another question."""
 
@@ -111,7 +140,7 @@ class Refused(BusError):
 
 
 class MotionError(ServobusError):
-    """Motion was refused, or ended before its goal was reached. The line and its packets were in order."""
+    """Motion was refused, ended before its goal was reached, or may go on although it was to end."""
 
 
 class TorqueOff(MotionError):
@@ -131,6 +160,18 @@ class Stopped(MotionError):
 
     Raised by commands of motion too, as long as nothing is to move.
     """
+
+
+class StopFailed(MotionError):
+    """Some of the servos that were to be stopped may still move. All others were stopped.
+
+    failures  servo, or an id that no known servo has -> why it may still move
+    stopped   servo -> what was done with it, as `Bus.stop` gives it
+    """
+
+    def __init__(self, message: str, failures: Mapping[Any, Exception], stopped: Mapping[Any, Any]) -> None:
+        super().__init__(message)
+        self.failures, self.stopped = failures, stopped
 
 
 class MoveTimeout(MotionError, TimeoutError):

@@ -17,6 +17,7 @@ from servobus.families.base import (
     MotionStatus,
     Reading,
     ServoRef,
+    StopOutcome,
     cannot,
 )
 from servobus.families.explain import addressed, show_values
@@ -83,12 +84,14 @@ class Toy(Family):
         goal, here, torque = yield from self.read(target, rows)
         return bool(torque and abs(goal - here) > 2)
 
-    def stop(self, target: ServoRef) -> Procedure[None]:
-        (here,) = yield from self.read(target, [target.model.register("present_position")])
+    def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
+        row = target.model.register("present_position")
+        (here,) = yield from self.read(target, [row])
         yield from self.put(target, {target.model.register("goal_position"): here}, keep=False)
+        return StopOutcome(f"held at {row.show(row.decode(here))}")
 
     def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:  # noqa: ARG002 - no turn
-        yield from self.stop(target)
+        yield from self.hold(target)
 
     def push(self, target: ServoRef) -> Procedure[float]:
         return float((yield from self.moving(target)))

@@ -143,8 +143,10 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            if crashed(error):
-                self._beside_the_loop(partial(self.safety.end, safe=True))
+            if error is not None and crashed(error):
+                ended = self._beside_the_loop(partial(self.safety.end, safe=True))
+                for text in await _to_its_end(ended):
+                    error.add_note(text)
             if self._stopping is not None:
                 # A second cancellation must not end it halfway.
                 await _to_its_end(_awaited(self._stopping, asyncio.get_running_loop()))
@@ -247,16 +249,15 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         try:
             await self.torque_on(driven)
             yield self
-        except BaseException:
-            # The error under way is the one that comes out, whatever else fails.
-            with self.safety.failures_told("the torque may still be on"):
-                await _to_its_end(asyncio.ensure_future(self._let_go(driven)))
+        except BaseException as error:
+            with self.safety.letting_go(error):
+                await _to_its_end(asyncio.ensure_future(self._let_go(driven, error)))
             raise
         await self.torque_off(driven)
 
-    async def _let_go(self, servos: list[AsyncBusServo]) -> None:
+    async def _let_go(self, servos: list[AsyncBusServo], error: BaseException) -> None:
         """Make those servos safe whose safe action was chosen, and switch the torque of the others off."""
-        await self.torque_off(await self._beside_the_loop(partial(self.safety.secure, servos)))
+        await self.torque_off(await self._beside_the_loop(partial(self.safety.secure, servos, error)))
 
     def _bind(self, target: KnownServo, firmware: str) -> AsyncBusServo:
         return AsyncBusServo(self, target, firmware)

@@ -18,11 +18,12 @@ from servobus.core.framing import Framing, Packet
 from servobus.core.ids import LAST_ID
 from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register
-from servobus.errors import BusError, MotionError, Restarted, Stopped, UsageError
+from servobus.errors import BusError, MotionError, Restarted, StopFailed, Stopped, UnknownName, UsageError
 from servobus.families import registry
-from servobus.families.base import Answers, Family, KnownServo, Model
+from servobus.families.base import Answers, Family, KnownServo, Model, StopOutcome
 from servobus.families.record import SafeAction
 from servobus.jobs.look import verify
+from servobus.jobs.make_safe import stop_all
 from servobus.jobs.move import PlannedMove, cancel, has_ended, plan, require_torque, start_move, wait_arrival
 from servobus.jobs.scan import (
     FoundServo,
@@ -120,6 +121,8 @@ class BaseBus(Closed, Generic[S]):
         self.survey = ScanResult()
         """What the last scan saw, what made no sense included."""
         self._monitors: dict[S, OverloadMonitor] = {}
+        self._thresholds: Thresholds | None = None
+        """Those that `protect` was given last."""
         self._close()
 
     @property
@@ -284,7 +287,7 @@ class BaseBus(Closed, Generic[S]):
         for servo, row in rows.items():
             yield SetBaud(servo.baud)
             (raw,) = yield from servo.family.read(servo.target, [row])
-            values[servo] = row.decode(raw)
+            values[servo] = row.decode(raw, servo.target)
         return ByServo(values)
 
     @bus_method
@@ -364,12 +367,40 @@ class BaseBus(Closed, Generic[S]):
         for servo in self._chosen(servos):
             yield SetBaud(servo.baud)
             try:
-                yield from servo.family.torque(servo.target, on=False)
+                yield from servo.family.let_go(servo.target)
                 servo.permit.mark_idle()
             except BusError as error:
                 first = first or error
         if first is not None:
             raise first
+
+    @bus_method
+    @urgent(Priority.STOP)
+    def stop(self, servos: Iterable[S | int] | S | int | None = None) -> Procedure[ByServo[S, StopOutcome]]:
+        """Stop these servos (by default all that are known), each though others fail; see `Servo.stop`.
+
+        Gives what was done with each. An id stands for all known servos that have it. Raises StopFailed, after all had
+        their turn, if some may still move or are not known here.
+        """
+        wanted: dict[S, None] = {}
+        failures: dict[Any, Exception] = {}
+        for key in self if servos is None else servos if isinstance(servos, Iterable) else (servos,):
+            meant = [servo for servo in self if servo is key or servo.id == key]
+            wanted |= dict.fromkeys(meant)
+            if not meant:
+                failures[key] = UnknownName("no servo with this id is known here, so none was stopped")
+        outcomes = yield from stop_all([servo.target for servo in wanted])
+        done: dict[S, StopOutcome] = {}
+        for servo, outcome in zip(wanted, outcomes.values(), strict=True):
+            if isinstance(outcome, StopOutcome):
+                done[servo] = outcome
+            else:
+                failures[servo] = outcome
+        if failures:
+            names = {key: str(key.target) if isinstance(key, Servo) else f"id {key}" for key in failures}
+            said = "; ".join(f"{names[key]} may still move: {why}" for key, why in failures.items())
+            raise StopFailed(said, failures, ByServo(done))
+        return ByServo(done)
 
     @bus_method
     def protect(self, thresholds: "Thresholds | None" = None) -> "Procedure[ByServo[S, Level]]":
@@ -379,18 +410,26 @@ class BaseBus(Closed, Generic[S]):
         the limit set in the servo. At DERATE, 5 °C below it, it gets half its torque limit (RX-28), half its highest
         output (DRS-0602) or half its speed (LX-16A). At SAFE, at the limit or after 0.5 s of pushing without motion,
         its safe action runs, and commands of motion raise Stopped until a later look finds that it is over. All
-        bounds can be set, from the first call on; see `servobus.Thresholds`. One that does not answer,
-        or cannot be read, raises NoReply or UsageError after all others had their turn.
+        bounds can be set; they hold until others are given. See `servobus.Thresholds`. Raises UsageError for something
+        else, and BadValue for bounds that make no sense. One that does not answer, or cannot be read, raises NoReply or
+        UsageError after all others had their turn.
         """
         from servobus.safety.overload import OverloadMonitor, Thresholds  # noqa: PLC0415 - only some programs need it
 
+        given: object = thresholds
+        if given is not None:
+            if not isinstance(given, Thresholds):
+                raise UsageError(f"protect({given!r}): give servobus.Thresholds(warn=...), or nothing")
+            self._thresholds = given.check()
+        bounds = self._thresholds or Thresholds()
         levels: dict[S, Level] = {}
         first: BusError | UsageError | None = None
         for servo in self:
             yield SetBaud(servo.baud)
             try:
                 if servo not in self._monitors:
-                    self._monitors[servo] = yield from OverloadMonitor.of(servo.target, thresholds or Thresholds())
+                    self._monitors[servo] = yield from OverloadMonitor.of(servo.target, bounds)
+                self._monitors[servo].thresholds = bounds
                 levels[servo] = yield from self._monitors[servo].look(servo.target)
             except (BusError, UsageError) as error:
                 first = first or error

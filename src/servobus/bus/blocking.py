@@ -108,8 +108,9 @@ class Bus(Blocking, BaseBus[BusServo]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            if crashed(error):
-                self.safety.end(safe=True)
+            if error is not None and crashed(error):
+                for text in self.safety.end(safe=True):
+                    error.add_note(text)
         finally:
             self.close()
 
@@ -210,10 +211,9 @@ class Bus(Blocking, BaseBus[BusServo]):
         try:
             self.torque_on(driven)
             yield self
-        except BaseException:
-            # The error under way is the one that comes out, whatever else fails.
-            with self.safety.failures_told("the torque may still be on"):
-                self.torque_off(self.safety.secure(driven))
+        except BaseException as error:
+            with self.safety.letting_go(error):
+                self.torque_off(self.safety.secure(driven, error))
             raise
         self.torque_off(driven)
 

@@ -116,14 +116,11 @@ class _Part:
         """Where it was in the last cycle, rad, if that was read."""
 
     def decode(self, answers: Sequence[bytes]) -> dict[str, Any]:
-        """Give name -> value. Raises BusError for what has no meaning."""
+        """Give name -> value. Raises BadReading for what has no meaning."""
         seen = {}
         for value in self.values:
             raw = value.row.layout.unpack(answers[value.answer][value.part])
-            try:
-                seen[value.name] = value.row.decode(raw)
-            except ValueError:
-                raise BusError(f"{self.target}: {value.row.name} is raw {raw}, which has no known meaning") from None
+            seen[value.name] = value.row.decode(raw, self.target)
         self.position = seen.get("present_position")
         return seen
 

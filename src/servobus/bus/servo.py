@@ -16,11 +16,12 @@ from servobus.core.registers import Register
 from servobus.core.units import Flags
 from servobus.core.values import replace
 from servobus.errors import BadValue, BusError, Restarted, UsageError
-from servobus.families.base import Answers, Family, KnownServo, Model, ServoRef, policy_register
+from servobus.families.base import Answers, Family, KnownServo, Model, ServoRef, StopOutcome, policy_register
 from servobus.families.record import MotionPermit, SafeAction, ServoRecord, check_max_step
 from servobus.jobs import reconfigure
 from servobus.jobs.backup import Backup, backup, restore
 from servobus.jobs.look import Snapshot, identify_at, look, verify
+from servobus.jobs.make_safe import stop
 from servobus.jobs.move import PlannedMove, plan, require_torque, start_move
 from servobus.jobs.torque import rearm, torque_on
 from servobus.safety.safe_stop import check_safe_action
@@ -176,7 +177,7 @@ class Servo(Closed):
         """Read several registers in as few exchanges as possible; gives name -> value."""
         rows = [self._own(register) for register in registers]
         values = yield from self.family.read(self.target, rows)
-        return {row.name: row.decode(raw) for row, raw in zip(rows, values, strict=True)}
+        return {row.name: row.decode(raw, self.target) for row, raw in zip(rows, values, strict=True)}
 
     @bus_method
     def read_raw(self, registers: Iterable[Register[Any] | str]) -> Procedure[list[int]]:
@@ -238,8 +239,8 @@ class Servo(Closed):
     @bus_method
     @urgent(Priority.MOTION)
     def torque_off(self) -> Procedure[None]:
-        """Switch the torque off: the shaft turns freely."""
-        yield from self.family.torque(self.target, on=False)
+        """Switch the torque off: the shaft turns freely. Raises BusError if nothing shows that it is off."""
+        yield from self.family.let_go(self.target)
         self.permit.mark_idle()
 
     @bus_method
@@ -257,10 +258,14 @@ class Servo(Closed):
 
     @bus_method
     @urgent(Priority.STOP)
-    def stop(self) -> Procedure[None]:
-        """End the motion and hold the present position."""
-        yield from self.family.stop(self.target)
-        self.permit.stopped = True
+    def stop(self) -> Procedure[StopOutcome]:
+        """End the motion: hold the present position, or else switch the torque off. Gives what was done, in words.
+
+        The torque goes off where the servo stands more than 2° outside its limits, or where holding it fails: an answer
+        is lost or makes no sense, or it refuses. Raises BusError, NoReply among them, only if nothing shows that even
+        this has arrived: then it may still move. One whose torque is off already is left so.
+        """
+        return stop(self.target)
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -298,7 +303,7 @@ class Servo(Closed):
     @bus_method
     def reboot(self) -> Procedure[None]:
         """Restart the servo: RAM registers get their start values, torque goes off."""
-        yield from self.family.reboot(self.target)
+        yield from reconfigure.reboot(self.target)
         self.permit.mark_idle()
         yield from self._meet_again(self.id)
 
@@ -327,8 +332,7 @@ class Servo(Closed):
     @bus_method
     def change_baud(self, baud: int) -> Procedure[None]:
         """Set the servo to another speed and check that it answers there; see `change_id` for a line that fails."""
-        yield from reconfigure.change_baud(self.target, baud)
-        self._follow(self.id, baud)
+        self._follow(self.id, (yield from reconfigure.change_baud(self.target, baud)))
         yield from self._meet_again(self.id)
 
     @bus_method
@@ -400,7 +404,7 @@ class Servo(Closed):
         """Make the one exchange that reads one register."""
         reading = self.family.reading(self.target, [register])
         (exchange,), ((_, part, layout),) = reading.exchanges, reading.places
-        answer, unpack, decode = exchange.interpret, layout.unpacker(), register.scale.decode
+        answer, unpack, decode = exchange.interpret, layout.unpacker(), register.decoder(self.target)
         return exchange.mapped(lambda packet: decode(unpack(answer(packet)[part])))
 
     def _own(self, register: Register[T] | str) -> Register[T]:

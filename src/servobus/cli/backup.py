@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from servobus import Bus, BusServo, ServobusError
-from servobus.cli.options import Where, find, on_servo, open_port, verb
+from servobus.cli.options import Ids, Where, are_several, find, for_each, on_servo, on_servos_with, open_port, verb
 from servobus.cli.output import note
 from servobus.core.present import value_text
 from servobus.errors import UsageError
@@ -16,25 +16,40 @@ from servobus.jobs.backup import Backup, identity_names
     "backup",
     "servobus backup /dev/ttyUSB0 1",
     "servobus backup /dev/ttyUSB0 1 elbow.toml",
+    "servobus backup /dev/ttyUSB0 all -o 'arm-{id}.toml'",
     "servobus backup /dev/ttyUSB0 1 - | less",
 )
-@on_servo
-@click.argument("file", required=False)
+@on_servos_with("files", "[FILE]", needed=False)
+@click.option("-o", "--output", metavar="FILE", help="The same as FILE: where to save it.")
 @click.option("--force", is_flag=True, help="Replace FILE if it exists.")
-def backup(port: str, id: int, where: Where, file: str | None, force: bool) -> None:
-    """Save the settings of the servo ID on PORT that survive power-off to FILE.
+def backup(port: str, ids: Ids, where: Where, files: tuple[str, ...], output: str | None, force: bool) -> None:
+    """Save the settings of the servos ID... on PORT that survive power-off, to a FILE each.
 
-    Without FILE a name like rx28-id1.toml is chosen; `-` prints it. The file is TOML, with the meaning of
-    each value beside it. Backups are not replaced unless --force says so.
+    Without FILE names like rx28-id1.toml are chosen; `-` prints it. In FILE {id} and {model} stand for those of the
+    servo. The file is TOML, with the meaning of each value beside it. Backups are not replaced unless --force says so.
     """
+    if len(files) + (output is not None) > 1:
+        raise click.UsageError("say one FILE")
+    file = output if output is not None else next(iter(files), None)
+    if are_several(ids) and file is not None and "{id}" not in file:
+        raise click.UsageError(f"{file} is one file for several servos: write {{id}} in it, as in 'arm-{{id}}.toml'")
     with open_port(port) as bus:
-        saved = find(bus, where, id).backup()
-    if file == "-":
-        click.echo(saved.text(), nl=False)
-        return
-    path = Path(file or f"{saved.model.key()}-id{saved.id}.toml")
-    write_backup(saved, path, force=force, otherwise="choose another name, or replace it with --force")
-    click.echo(f"{len(saved.values)} settings of {saved.model.title} id {saved.id} saved to {path}")
+        taken: set[Path] = set()
+
+        def save(servo: BusServo) -> None:
+            saved = servo.backup()
+            if file == "-":
+                click.echo(saved.text(), nl=False)
+                return
+            name = file or "{model}-id{id}.toml"
+            path = Path(name.replace("{id}", str(saved.id)).replace("{model}", saved.model.key()))
+            if path in taken:
+                raise UsageError(f"{servo.target}: {path} is that of another servo by now; write {{model}} in it too")
+            taken.add(path)
+            write_backup(saved, path, force=force, otherwise="choose another name, or replace it with --force")
+            click.echo(f"{len(saved.values)} settings of {saved.model.title} id {saved.id} saved to {path}")
+
+        for_each(bus, where, ids, save)
 
 
 @verb("restore", "servobus restore /dev/ttyUSB0 1 elbow.toml", "servobus restore /dev/ttyUSB0 1 elbow.toml --yes")

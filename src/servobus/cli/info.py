@@ -1,11 +1,14 @@
 """`info`: one servo, all of it."""
 
 import textwrap
+from collections.abc import Mapping
 from typing import Any
 
+import click
+
 from servobus import BusServo, NoReply
-from servobus.cli.options import Where, as_json, find, on_servo, open_port, verb
-from servobus.cli.output import console, print_json
+from servobus.cli.options import Ids, Where, are_several, as_json, for_each, on_servos, open_port, verb
+from servobus.cli.output import console, json_entries
 from servobus.core.present import value_entry, value_text
 from servobus.core.registers import Access, Register
 from servobus.errors import BusError, Refused
@@ -17,27 +20,50 @@ ROOMY = 110
 """Columns from which on the meaning of a register is shown too."""
 
 
-@verb("info", "servobus info /dev/ttyUSB0 1", "servobus info virtual:lx16a@1 1 --json")
-@on_servo
+@verb(
+    "info",
+    "servobus info /dev/ttyUSB0 1",
+    "servobus info /dev/ttyUSB0 1-4,7",
+    "servobus info virtual:lx16a@1 1 --json",
+)
+@on_servos
 @as_json
-def info(port: str, id: int, where: Where, json: bool) -> None:
-    """Show all of the servo ID on PORT: its maker's data, every register, its alarms."""
-    with open_port(port) as bus:
-        servo = find(bus, where, id)
+def info(port: str, ids: Ids, where: Where, json: bool) -> None:
+    """Show all of the servos ID... on PORT: their makers' data, every register, their alarms.
+
+    IDS are 1, 1-4,7, several words, or `all`. --json gives a list if several are named, or `all`.
+    """
+    first = True
+
+    def show_one(servo: BusServo) -> None:
+        nonlocal first
         servo.look()
         raws = _read_all(servo)
-    if json:
-        registers = {row.name: value_entry(row, raw) for row, raw in raws.items() if raw is not None}
-        alarms = servo.alarm_text().split("+") if servo.alarms else []
-        print_json(
-            {
-                **servo_entry(servo.family, servo.model, servo.id, servo.baud, servo.firmware),
-                "alarms": alarms,
-                "registers": registers,
-                "sheet": model_entry(servo.model),
-            }
-        )
-        return
+        if not first:
+            click.echo()
+        first = False
+        _print(servo, raws)
+
+    with open_port(port) as bus:
+        if not json:
+            for_each(bus, where, ids, show_one)
+            return
+        with json_entries(several=are_several(ids)) as entries:
+            for_each(bus, where, ids, lambda servo: entries.append(_entry(servo)))
+
+
+def _entry(servo: BusServo) -> dict[str, Any]:
+    servo.look()
+    raws = _read_all(servo)
+    return {
+        **servo_entry(servo.family, servo.model, servo.id, servo.baud, servo.firmware),
+        "alarms": servo.alarm_text().split("+") if servo.alarms else [],
+        "registers": {row.name: value_entry(row, raw) for row, raw in raws.items() if raw is not None},
+        "sheet": model_entry(servo.model),
+    }
+
+
+def _print(servo: BusServo, raws: Mapping[Register[Any], int | None]) -> None:
     out = console()
     out.print(str(servo), style="bold", markup=False)
     out.print(f"firmware {servo.firmware or 'unknown: it cannot be asked'}", markup=False)

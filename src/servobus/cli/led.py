@@ -2,20 +2,29 @@
 
 import click
 
-from servobus.cli.options import Where, find, on_servo, open_port, verb
+from servobus import BusServo
+from servobus.cli.options import Ids, Where, for_each, on_servos, open_port, verb
 from servobus.cli.output import warn_alarms
 
 
-@verb("led", "servobus led /dev/ttyUSB0 1 on", "servobus led /dev/ttyUSB0 219 magenta")
-@on_servo
+@verb(
+    "led",
+    "servobus led /dev/ttyUSB0 1 on",
+    "servobus led /dev/ttyUSB0 219 magenta",
+    "servobus led /dev/ttyUSB0 all off",
+)
+@on_servos
 @click.argument("colour", metavar="on|off|COLOUR")
-def led(port: str, id: int, where: Where, colour: str) -> None:
-    """Switch the light of the servo ID on PORT: the way to see which servo that is.
+def led(port: str, ids: Ids, where: Where, colour: str) -> None:
+    """Switch the light of the servos ID... on PORT: the way to see which servo that is.
 
     Colours are those the model has: green, blue, red, cyan, magenta, yellow and white on a HerkuleX.
     """
-    with open_port(port) as bus:
-        servo = find(bus, where, id)
+
+    def switch(servo: BusServo) -> None:
         servo.led(colour.lower())
         click.echo(f"{servo.target}: light {colour.lower()}")
         warn_alarms(servo)
+
+    with open_port(port) as bus:
+        for_each(bus, where, ids, switch)

@@ -1,17 +1,18 @@
 """`move`: servos to angles."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
 from servobus import Bus, BusServo, ByServo, Move, MoveTimeout, ServobusError
 from servobus.cli.options import (
+    ALL,
+    IDS,
     SECONDS,
     SPEED,
     Where,
     as_json,
-    check_unique,
     find_all,
     on_port,
     open_port,
@@ -20,7 +21,7 @@ from servobus.cli.options import (
     verb,
 )
 from servobus.cli.output import console, note, print_json
-from servobus.core.ids import check_id
+from servobus.cli.stop import stop_all
 from servobus.core.units import parse, show, shown
 from servobus.errors import BadValue, UsageError
 from servobus.jobs.move import GRACE
@@ -38,6 +39,7 @@ LONGEST = 3600.0
     "move",
     "servobus move /dev/ttyUSB0 1=90",
     "servobus move /dev/ttyUSB0 1=90 2=45.5 3=1.2rad --time 1.5",
+    "servobus move /dev/ttyUSB0 1-4,7=150",
     "servobus move virtual:lx16a@1,2 1=0 2=240 --speed 60deg/s",
 )
 @on_port
@@ -67,9 +69,10 @@ def move(
             raise BadValue(f"{name} must be above 0")
     if time is not None and time > LONGEST:
         raise BadValue(f"--time {time:g} is more than {LONGEST:g} s")
-    angles = _goals(goals)
+    wanted = _goals(goals)
     with open_port(port) as bus, sigterm_as_interrupt():
-        servos = find_all(bus, where, list(angles))
+        angles = _by_servo(bus, where, wanted)
+        servos = list(angles)
         try:
             under_way = _start(bus, angles, time, speed, no_wait=no_wait, quiet=json)
             if no_wait:
@@ -80,7 +83,7 @@ def move(
             else:
                 under_way.wait()
         except KeyboardInterrupt:
-            stop_all(servos)
+            stop_all(bus, servos)
             raise click.exceptions.Exit(130) from None
         except MoveTimeout:
             _print_positions(bus, servos, angles, json=json)
@@ -89,24 +92,34 @@ def move(
             _print_positions(bus, servos, angles, json=json)
 
 
-def _goals(texts: Sequence[str]) -> dict[int, float]:
-    pairs = []
+def _goals(texts: Sequence[str]) -> dict[int | Literal["all"], float]:
+    """Read ID=ANGLE..., where ID may be 1-4,7 or `all`: id -> angle in rad."""
+    goals: dict[int | Literal["all"], float] = {}
     for text in texts:
-        id, angle = split_assignment(text, "ID=ANGLE, such as 1=90")
-        if not id.isdecimal():
-            raise click.UsageError(f"{id!r} is not an id: write ID=ANGLE, such as 1=90")
+        word, angle = split_assignment(text, "ID=ANGLE, such as 1=90")
+        ids = IDS.convert(word, None, None)
         try:
-            pairs.append((check_id(int(id)), parse(angle, "rad")))
-        except UsageError:
-            raise
+            goal = parse(angle, "rad")
         except ValueError as error:
-            raise BadValue(f"id {id}: {error}") from None
-    check_unique(id for id, _ in pairs)
-    return dict(pairs)
+            raise BadValue(f"id {word}: {error}") from None
+        for id in [ALL] if isinstance(ids, str) else ids:
+            if id in goals:
+                raise BadValue(f"id {id} is named twice")
+            goals[id] = goal
+    if ALL in goals and len(goals) > 1:
+        raise click.UsageError(f"say either ids or `{ALL}`")
+    return goals
+
+
+def _by_servo(bus: Bus, where: Where, goals: Mapping[int | Literal["all"], float]) -> dict[BusServo, float]:
+    """Find the servos, and give the goal of each. Raises ServobusError if one of them is not there."""
+    if ALL in goals:
+        return dict.fromkeys(find_all(bus, where, ALL), goals[ALL])
+    return {servo: goals[servo.id] for servo in find_all(bus, where, tuple(id for id in goals if id != ALL))}
 
 
 def _start(
-    bus: Bus, angles: Mapping[int, float], time: float | None, speed: float | None, *, no_wait: bool, quiet: bool
+    bus: Bus, angles: Mapping[BusServo, float], time: float | None, speed: float | None, *, no_wait: bool, quiet: bool
 ) -> Move:
     """Check everything, then switch the torque on where it is off, then start."""
     planned = bus.plan_move(angles, time=time, speed=speed)
@@ -116,7 +129,7 @@ def _start(
             f"this move takes {show(planned.duration, 's')}, and goes to the servo in parts of {step}, so the command "
             "must wait for it; leave --no-wait out, or go faster"
         )
-    without_torque = [bus[target.id] for target in planned.without_torque]
+    without_torque = [servo for servo in angles if servo.target in planned.without_torque]
     try:
         if without_torque:
             bus.torque_on(without_torque)
@@ -129,19 +142,7 @@ def _start(
     return Move(bus, planned)
 
 
-def stop_all(servos: Sequence[BusServo]) -> None:
-    """Stop all of them, whatever else goes wrong."""
-    note("")  # the terminal shows ^C: what comes next starts on a line of its own
-    for servo in servos:
-        try:
-            servo.stop()
-        except ServobusError as error:
-            note(f"servobus: {servo.target} may still move: {error}")
-        else:
-            note(f"{servo.target} stopped")
-
-
-def _show_progress(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float], under_way: Move) -> None:
+def _show_progress(bus: Bus, servos: Sequence[BusServo], angles: Mapping[BusServo, float], under_way: Move) -> None:
     """Show the way until all have arrived. Raises MoveTimeout."""
     from rich.live import Live  # noqa: PLC0415 - slow to import, and only wanted on terminals
 
@@ -157,7 +158,7 @@ def _show_progress(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, fl
 
 
 def _progress_table(
-    servos: Sequence[BusServo], angles: Mapping[int, float], positions: ByServo[BusServo, float]
+    servos: Sequence[BusServo], angles: Mapping[BusServo, float], positions: ByServo[BusServo, float]
 ) -> "RenderableType":
     from rich.table import Table  # noqa: PLC0415 - slow to import, and only wanted on terminals
 
@@ -165,13 +166,13 @@ def _progress_table(
 
     table = Table.grid(padding=(0, 1))
     for servo in servos:
-        here, goal = positions[servo], angles[servo.id]
+        here, goal = positions[servo], angles[servo]
         way = position_bar(here, goal, *goal_range(servo.model), 32)
         table.add_row(f"{servo.target}", angle_column(here), way, f"-> {angle_column(goal).strip()}")
     return table
 
 
-def _print_positions(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, float], *, json: bool) -> None:
+def _print_positions(bus: Bus, servos: Sequence[BusServo], angles: Mapping[BusServo, float], *, json: bool) -> None:
     """Print where all servos are."""
     positions = bus.read_all("present_position")
     if json:
@@ -181,7 +182,7 @@ def _print_positions(bus: Bus, servos: Sequence[BusServo], angles: Mapping[int, 
                     "id": servo.id,
                     "model": servo.model.key(),
                     "position": shown(positions[servo], "rad")[0],
-                    "goal": shown(angles[servo.id], "rad")[0],
+                    "goal": shown(angles[servo], "rad")[0],
                     "unit": "°",
                 }
                 for servo in servos

@@ -7,18 +7,20 @@ import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from types import FrameType
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import click
 
 import servobus
 from servobus import Bus, BusServo
 from servobus.cli.app import Verb
-from servobus.core.ids import LAST_ID, check_id
+from servobus.core.ids import LAST_ID, check_id, parse_ids
 from servobus.core.units import parse
-from servobus.errors import BadValue, NoReply, UsageError
+from servobus.errors import BadValue, NoReply, ServobusError, UnknownName, UsageError
 from servobus.families import registry
 from servobus.families.base import Family, Model
+from servobus.jobs.scan import ScanResult, scan, unknown_model
+from servobus.safety.signals import ENDING
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -48,11 +50,61 @@ class IdType(click.ParamType[int]):
         return check_id(id)
 
 
-class IdOrAll(IdType):
-    """An id, or the word `all`."""
+Ids: TypeAlias = tuple[int, ...] | Literal["all"]
+"""Which servos are meant: some ids, each once, or all that there are."""
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        return ALL if value == ALL else super().convert(value, param, ctx)
+
+class IdsType(click.ParamType[Ids]):
+    """Ids as one word: "7", "1-4,7", or the word `all`."""
+
+    name = "ids"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Ids:
+        if not isinstance(value, str):
+            return tuple(value)
+        if value == ALL:
+            return ALL
+        try:
+            return tuple(dict.fromkeys(parse_ids(value)))
+        except BadValue:
+            raise
+        except UsageError as error:
+            self.fail(str(error), param, ctx)
+
+
+def id_list(text: str) -> list[int]:
+    """Read the ids of the option --ids: "1-4,7", or `all`."""
+    try:
+        ids = IDS.convert(text, None, None)
+    except UsageError as error:
+        raise click.BadParameter(str(error), param_hint="--ids") from None
+    return list(range(LAST_ID + 1)) if isinstance(ids, str) else sorted(ids)
+
+
+def are_several(ids: Ids) -> bool:
+    """Tell whether results are lists: more than one servo is named, or all."""
+    return ids == ALL or len(ids) > 1
+
+
+def joined_ids(words: Iterable[Ids]) -> Ids:
+    """Give the ids that several words name, each once. Raises UsageError for ids beside `all`."""
+    named = list(words)
+    if ALL in named and len(named) > 1:
+        raise click.UsageError(f"say either ids or `{ALL}`")
+    if ALL in named:
+        return ALL
+    return tuple(dict.fromkeys(id for ids in named if not isinstance(ids, str) for id in ids))
+
+
+def split_ids(words: Sequence[str]) -> tuple[Ids, tuple[str, ...]]:
+    """Cut words in two: the ids at their beginning, and the others. Raises UsageError without ids.
+
+    What begins with a digit and has no = in it is ids.
+    """
+    count = 1
+    while count < len(words) and (words[count] == ALL or (words[count][:1].isdecimal() and "=" not in words[count])):
+        count += 1
+    return joined_ids(IDS.convert(word, None, None) for word in words[:count]), tuple(words[count:])
 
 
 class BaudType(click.ParamType[int | Literal["all"]]):
@@ -89,7 +141,7 @@ class UnitType(click.ParamType[float]):
 
 
 ID = IdType()
-ID_OR_ALL = IdOrAll()
+IDS = IdsType()
 BAUD = BaudType()
 ANGLE = UnitType("angle", "rad")
 SECONDS = UnitType("seconds", "s")
@@ -103,29 +155,6 @@ def split_assignment(text: str, kind: str) -> tuple[str, str]:
     if not (name.strip() and equals and value.strip()):
         raise click.UsageError(f"{text!r} is not {kind}")
     return name.strip(), value.strip()
-
-
-def id_list(text: str) -> list[int]:
-    """Read "1-4,7"."""
-    ids: set[int] = set()
-    for part in text.split(","):
-        low, dash, high = part.strip().partition("-")
-        if not low.isdecimal() or (dash and not high.isdecimal()):
-            raise click.BadParameter(f"{text!r} is no list of ids; write it like 1-4,7", param_hint="--ids")
-        first, last = check_id(int(low)), check_id(int(high or low))
-        if first > last:
-            raise BadValue(f"ids {part.strip()}: {first} is above {last}")
-        ids.update(range(first, last + 1))
-    return sorted(ids)
-
-
-def check_unique(ids: Iterable[int]) -> None:
-    """Refuse an id that is named twice: it is not known which of the two was meant."""
-    seen: set[int] = set()
-    for id in ids:
-        if id in seen:
-            raise BadValue(f"id {id} is named twice")
-        seen.add(id)
 
 
 # Where to look
@@ -167,6 +196,12 @@ class Where:
         if self.baud == ALL:
             return self.usual_bauds(family)
         return registry.factory_bauds(family) if self.model is None else (self.model.factory_baud,)
+
+    def everywhere(self) -> list[tuple[Family, tuple[int, ...]]]:
+        """Give the families, each with all speeds that its servos can have, or with the one that is asked for."""
+        if isinstance(self.baud, int):
+            return list(self.rounds())
+        return [(family, self.usual_bauds(family)) for family in self._families()]
 
     def usual_bauds(self, family: Family) -> tuple[int, ...]:
         """Give the speeds that servos of a family can have."""
@@ -223,6 +258,35 @@ def on_servo(command: F) -> F:
     return click.argument("port")(click.argument("id", type=ID)(where_options(command)))
 
 
+def on_servos(command: F) -> F:
+    """Take PORT and ID... first, and where to look. The ids arrive as `ids`."""
+
+    def _joined(_ctx: click.Context, _param: click.Parameter, words: tuple[Ids, ...]) -> Ids:
+        return joined_ids(words)
+
+    ids = click.argument("ids", metavar="ID...", type=IDS, nargs=-1, required=True, callback=_joined)
+    return click.argument("port")(ids(where_options(command)))
+
+
+def on_servos_with(name: str, metavar: str, *, needed: bool = True) -> Callable[[F], F]:
+    """Take PORT and ID... first, then words of another kind, and where to look.
+
+    The ids arrive as `ids`, the other words as `name`.
+    """
+
+    def _split(ctx: click.Context, _param: click.Parameter, words: tuple[str, ...]) -> tuple[str, ...]:
+        ctx.params["ids"], rest = split_ids(words)
+        if needed and not rest:
+            raise click.UsageError(f"say {metavar} after the ids", ctx)
+        return rest
+
+    def take(command: F) -> F:
+        words = click.argument(name, metavar=f"ID... {metavar}", nargs=-1, required=True, callback=_split)
+        return click.argument("port")(words(where_options(command)))
+
+    return take
+
+
 def as_json(command: F) -> F:
     return click.option("--json", "json", is_flag=True, help="Print JSON.")(command)
 
@@ -251,59 +315,141 @@ def open_port(port: str) -> Bus:
     return servobus.open(port)
 
 
-def find(bus: Bus, where: Where, id: int) -> BusServo:
-    """Find one servo. Raises NoReply with what can be tried next."""
+class Search:
+    """Which of the servos that are meant are there.
+
+    servos   those that are, in the order in which they were asked for
+    missing  id -> why this one cannot be used, for the others
+    """
+
+    def __init__(self) -> None:
+        self.servos: list[BusServo] = []
+        self.missing: dict[int, ServobusError] = {}
+
+
+def search(bus: Bus, where: Where, ids: Ids, *, shared: bool = False) -> Search:
+    """Look for servos, in all families and at all speeds where they may be.
+
+    An id that two servos have does not say which of them is meant, and counts as missing; with `shared` both are meant.
+    Raises NoReply if all are meant and there is none.
+    """
+    bus.models = where.model
+    result = ScanResult()
+    wanted: Sequence[int] = range(LAST_ID + 1) if ids == ALL else ids
     # A scan asks each id once, for most are not there. A servo that is named is expected to be there: after one lost
     # byte it is asked again before it counts as missing.
-    bus.models = where.model
-    for _ in range(TRIES):
-        for family, bauds in where.rounds():
-            try:
-                return where.checked(bus.find(id, family=family, bauds=bauds))
-            except NoReply:
-                pass
+    for _ in range(1 if ids == ALL else TRIES):
+        met = {found.id for found in result.found}
+        if absent := [id for id in wanted if id not in met]:
+            for family, bauds in where.rounds():
+                bus.do(scan([family], bauds, absent, None, result, bus.identify))
+    outcome = Search()
+    for id in wanted:
+        try:
+            outcome.servos += _identified(bus, where, id, result, shared=shared or ids == ALL, named=ids != ALL)
+        except ServobusError as error:
+            outcome.missing[id] = error
+    if ids == ALL and not outcome.servos:
+        raise next(iter(outcome.missing.values()), NoReply(f"{bus.transport.name}: no servo answers ({where})"))
+    return outcome
+
+
+def _identified(
+    bus: Bus, where: Where, id: int, result: ScanResult, *, shared: bool, named: bool
+) -> Sequence[BusServo]:
+    """Give the servos with an id. Raises ServobusError if it is not known which is meant, or if none can be used."""
+    found = [one for one in result.found if one.id == id]
+    if found:
+        servos = [bus.adopt(one) for one in found]
+        known = [where.checked(servo) for servo in servos if servo is not None]
+        if len(known) > 1 and not shared:
+            raise UnknownName(_ambiguous(id, known))
+        if not known:
+            raise unknown_model(found[0])
+        return known
+    if trouble := next((one for one in result.troubles if one.id == id), None):
+        raise trouble.error
+    if not named:
+        return []
     hint = "is it powered and connected?" if where.baud == ALL else "is it powered? `--baud all` tries every speed"
     raise NoReply(f"{bus.transport.name}: no servo answers to id {id} (tried {where}); {hint}")
 
 
-def find_all(bus: Bus, where: Where, ids: Sequence[int]) -> list[BusServo]:
-    """Find several servos: in one sweep over the ids, then once more for each that is missing."""
-    found: dict[int, BusServo] = {}
-    bus.models = where.model
-    for family, bauds in where.rounds():
-        if not (missing := [id for id in ids if id not in found]):
-            break
-        for servo in bus.scan(family=family, bauds=bauds, ids=missing):
-            found[servo.id] = where.checked(servo)
-    return [found.get(id) or find(bus, where, id) for id in ids]
+def _ambiguous(id: int, servos: Sequence[BusServo]) -> str:
+    names = " and ".join(f"{servo.target} at {servo.baud}" for servo in servos)
+    families = dict.fromkeys(servo.family.name for servo in servos)
+    options = (
+        [f"--family {family}" for family in families]
+        if len(families) == len(servos)
+        else [f"--family {servo.family.name} --baud {servo.baud}" for servo in servos]
+    )
+    return f"id {id} is not unique here: {names}; say which with {' or '.join(options)}"
+
+
+def find(bus: Bus, where: Where, id: int) -> BusServo:
+    """Find one servo. Raises NoReply with what can be tried next, UnknownName for an id that two servos have."""
+    (servo,) = find_all(bus, where, (id,))
+    return servo
+
+
+def find_all(bus: Bus, where: Where, ids: Ids, *, shared: bool = False) -> list[BusServo]:
+    """Find servos, or none if one of them cannot be used: then raise what is the matter with that; see `search`."""
+    outcome = search(bus, where, ids, shared=shared)
+    for error in outcome.missing.values():
+        raise error
+    return outcome.servos
+
+
+def for_each(bus: Bus, where: Where, ids: Ids, action: Callable[[BusServo], None]) -> None:
+    """Do something with each servo that is meant and there; what went wrong with the others is raised at the end."""
+    outcome = search(bus, where, ids)
+    failures = list(outcome.missing.values())
+    for servo in outcome.servos:
+        try:
+            action(servo)
+        except ServobusError as error:
+            failures.append(error)
+    if len(failures) > 1:
+        raise ServobusError("; ".join(map(str, failures)))
+    for failure in failures:
+        raise failure
 
 
 @contextlib.contextmanager
 def sigterm_as_interrupt() -> Iterator[None]:
-    """Let SIGTERM raise KeyboardInterrupt, as Ctrl-C does, so that servos are made safe after both."""
+    """Let what ends a program raise KeyboardInterrupt, as Ctrl-C does, so that servos are made safe.
+
+    That is SIGTERM, SIGHUP (the terminal was closed) and SIGQUIT; not one that is ignored, as SIGHUP is under nohup.
+    """
 
     def stop(_signal: int, _frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
+    old: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():  # no other gets signals
+        old = {number: signal.getsignal(number) for number in ENDING}
+        old = {number: handler for number, handler in old.items() if handler not in (None, signal.SIG_IGN)}
     try:
-        old = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not the main thread: it gets no signals
-        yield
-        return
-    try:
+        for number in old:
+            signal.signal(number, stop)
         yield
     finally:
-        signal.signal(signal.SIGTERM, old)
+        for number, handler in old.items():
+            signal.signal(number, handler)
 
 
 def stop_on_signals() -> threading.Event:
-    """Give an event that Ctrl-C, SIGTERM and the end of the terminal set, for commands that run until then."""
+    """Give an event that Ctrl-C, SIGTERM and the end of the terminal set, for commands that run until then.
+
+    A signal that is ignored stays so, as SIGHUP under nohup.
+    """
     stop = threading.Event()
 
     def handle(_signal: int, _frame: FrameType | None) -> None:
         stop.set()
 
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):  # Windows has no SIGHUP
-            signal.signal(getattr(signal, name), handle)
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handle)
     return stop

@@ -1,7 +1,10 @@
 """Printing: results to standard output, notes beside them to standard error."""
 
+import contextlib
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,12 +19,24 @@ WIDE = 200
 
 
 def note(text: str) -> None:
-    """Print a note beside the result, on standard error."""
-    click.echo(text, err=True)
+    """Print a note beside the result, on standard error. A terminal that is gone is no reason to fail."""
+    with contextlib.suppress(OSError):
+        click.echo(text, err=True)
 
 
 def print_json(data: Any) -> None:
     click.echo(json.dumps(data, indent=2, ensure_ascii=False))
+
+
+@contextmanager
+def json_entries(*, several: bool) -> Iterator[list[Any]]:
+    """Collect what is printed at the end, even if an error ends it: a list of several, else the one that came."""
+    entries: list[Any] = []
+    try:
+        yield entries
+    finally:
+        for data in [entries] if several else entries:
+            print_json(data)
 
 
 def compact(data: Any) -> str:

@@ -1,86 +1,159 @@
 """`read` and `write`: single registers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import click
 
 from servobus import Bus, BusServo
-from servobus.cli.options import Where, as_json, find, on_servo, open_port, split_assignment, verb
-from servobus.cli.output import note, print_json, warn_alarms
+from servobus.cli.options import (
+    Ids,
+    Where,
+    are_several,
+    as_json,
+    find_all,
+    for_each,
+    on_servos_with,
+    open_port,
+    split_assignment,
+    verb,
+)
+from servobus.cli.output import json_entries, note, warn_alarms
 from servobus.core.present import json_value, unit_text, value_entry, value_text
 from servobus.core.registers import Register
 from servobus.errors import BadValue, BusError, UsageError
 from servobus.families.base import Answers
 
+WHO = 15
+"""Columns for the name of a servo before its values, as long as most are."""
+
 
 @verb(
     "read",
     "servobus read /dev/ttyUSB0 1 present_position",
-    "servobus read /dev/ttyUSB0 1 present_voltage present_temperature --json",
+    "servobus read /dev/ttyUSB0 1-4,7 present_voltage present_temperature --json",
+    "servobus read /dev/ttyUSB0 all present_position",
 )
-@on_servo
-@click.argument("names", metavar="REGISTER...", nargs=-1, required=True)
+@on_servos_with("names", "REGISTER...")
 @as_json
-def read(port: str, id: int, where: Where, names: tuple[str, ...], json: bool) -> None:
-    """Read registers of the servo ID on PORT.
+def read(port: str, ids: Ids, where: Where, names: tuple[str, ...], json: bool) -> None:
+    """Read registers of the servos ID... on PORT: of 1, of 1-4,7, of several words, or of `all`.
 
-    `servobus registers MODEL` lists their names; names like present_position work on every model.
+    `servobus registers MODEL` lists their names; names like present_position work on every model. --json gives a
+    list if several servos are named, or `all`.
     """
+    several = are_several(ids)
+
+    def read_one(servo: BusServo) -> None:
+        values = _values(servo, names)
+        if json:
+            registers = {name: value_entry(row, raw) for name, (row, raw) in values.items()}
+            entries.append({**_which(servo), "registers": registers} if several else registers)
+        else:
+            _print_rows(servo, {name: value_text(row, raw) for name, (row, raw) in values.items()}, several=several)
+        warn_alarms(servo)
+
     with open_port(port) as bus:
-        servo = find(bus, where, id)
-        rows = [_readable(servo, name) for name in names]
-        raws = servo.read_raw(rows)
-    if json:
-        print_json({name: value_entry(row, raw) for name, row, raw in zip(names, rows, raws, strict=True)})
-    else:
-        width = max(map(len, names))
-        for name, row, raw in zip(names, rows, raws, strict=True):
-            click.echo(f"{name:<{width}}  {value_text(row, raw)}")
-    warn_alarms(servo)
+        if not json:
+            for_each(bus, where, ids, read_one)
+            return
+        with json_entries(several=several) as entries:
+            for_each(bus, where, ids, read_one)
+
+
+def _values(servo: BusServo, names: Sequence[str]) -> dict[str, tuple[Register[Any], int]]:
+    """Read registers: name -> register and raw value."""
+    rows = [_readable(servo, name) for name in names]
+    return dict(zip(names, zip(rows, servo.read_raw(rows), strict=True), strict=True))
+
+
+def _which(servo: BusServo) -> dict[str, Any]:
+    """Say for programs which servo is meant, among several."""
+    return {"family": servo.family.name, "model": servo.model.key(), "id": servo.id, "baud": servo.baud}
+
+
+def _print_rows(servo: BusServo, values: Mapping[str, str], *, several: bool) -> None:
+    """Print name and value, a line each, with the servo before it if there are several."""
+    head = f"{servo.target!s:<{WHO}}  " if several else ""
+    width = max(map(len, values))
+    for name, text in values.items():
+        click.echo(f"{head}{name:<{width}}  {text}")
 
 
 @verb(
     "write",
     "servobus write /dev/ttyUSB0 1 led=on",
+    "servobus write /dev/ttyUSB0 1-4,7 max_position=200",
     "servobus write /dev/ttyUSB0 1 max_position=200deg min_position=20 --save",
     "servobus write /dev/ttyUSB0 219 status_error=0 status_detail=0",
 )
-@on_servo
-@click.argument("settings", metavar="REGISTER=VALUE...", nargs=-1, required=True)
+@on_servos_with("settings", "REGISTER=VALUE...")
 @click.option("--save", is_flag=True, help="Store it so that it survives power-off; a HerkuleX forgets it else.")
 @as_json
-def write(port: str, id: int, where: Where, settings: tuple[str, ...], save: bool, json: bool) -> None:
-    """Write registers of the servo ID on PORT, read them back, and show old -> new.
+def write(port: str, ids: Ids, where: Where, settings: tuple[str, ...], save: bool, json: bool) -> None:
+    """Write registers of the servos ID... on PORT, read them back, and show old -> new.
 
     Values are typed as `read` shows them: 90 or 90deg for an angle, on, 0x20, overload+overheating.
-    Nothing is written unless all names and values are right.
+    Nothing is written unless all ids, names and values are right. --json gives a list if several servos are named.
     """
     wanted = dict(split_assignment(setting, "REGISTER=VALUE, such as led=on") for setting in settings)
     if len(wanted) != len(settings):
         raise BadValue("a register is named twice")
+    several = are_several(ids)
     with open_port(port) as bus:
-        servo = find(bus, where, id)
-        values = {_readable(servo, name): value for name, value in wanted.items()}
-        if len(values) != len(wanted):
-            raise BadValue("a register is named twice, once by an alias")
-        raws = {row: _encode(servo, row, value) for row, value in values.items()}
-        old = _read(bus, servo, list(raws), save=save)
-        if save:
-            servo.store({row: row.decode(raw) for row, raw in raws.items()})
-        else:
-            servo.write_raw(raws)
-        new = _read(bus, servo, list(raws), save=save)
-    _show(raws, old, new, json=json)
+        plans = [(servo, _encoded(servo, wanted)) for servo in find_all(bus, where, ids)]
+        with json_entries(several=several) if json else nullcontext() as entries:
+            for servo, raws in plans:
+                _write(bus, servo, raws, save=save, entries=entries, several=several)
+
+
+def _encoded(servo: BusServo, wanted: Mapping[str, str]) -> dict[Register[Any], int]:
+    """Check names and values for a servo: register -> raw value."""
+    values = {_readable(servo, name): value for name, value in wanted.items()}
+    if len(values) != len(wanted):
+        raise BadValue("a register is named twice, once by an alias")
+    return {row: _encode(servo, row, value) for row, value in values.items()}
+
+
+def _write(
+    bus: Bus, servo: BusServo, raws: dict[Register[Any], int], *, save: bool, entries: list[Any] | None, several: bool
+) -> None:
+    """Write, read back, and show what became of it. Raises BusError for a value that was not taken."""
+    old = _read(bus, servo, list(raws), save=save)
+    if save:
+        servo.store({row: row.decode(raw) for row, raw in raws.items()})
+    else:
+        servo.write_raw(raws)
+    new = _read(bus, servo, list(raws), save=save)
+    before = dict(zip(raws, old, strict=True)) if old is not None else {}
+    after = dict(zip(raws, new, strict=True)) if new is not None else raws
+    if entries is not None:
+        changes = {row.name: _change(row, before.get(row), after[row]) for row in raws}
+        entries.append({**_which(servo), "registers": changes} if several else changes)
+    else:
+        texts = {
+            row.name: f"{value_text(row, before[row]) if row in before else '?'} -> {value_text(row, after[row])}"
+            for row in raws
+        }
+        _print_rows(servo, texts, several=several)
     warn_alarms(servo)
     if new is None:
         note(f"{servo.target} answers no reads, so it was not read back")
         return
     for (row, raw), now in zip(raws.items(), new, strict=True):
-        if now != raw:
+        if not row.took(raw, now):
             raise BusError(
                 f"{servo.target} did not take {row.name} = {value_text(row, raw)}: it is {value_text(row, now)}"
             )
+
+
+def _change(row: Register[Any], old: int | None, new: int) -> dict[str, Any]:
+    return {
+        "old": None if old is None else json_value(row, old),
+        "new": json_value(row, new),
+        "unit": unit_text(row),
+    }
 
 
 def _readable(servo: BusServo, name: str) -> Register[Any]:
@@ -107,24 +180,3 @@ def _read(bus: Bus, servo: BusServo, rows: Sequence[Register[Any]], *, save: boo
     if save:
         return bus.do(servo.family.read_stored(servo.target, rows), baud=servo.baud)
     return servo.read_raw(rows)
-
-
-def _show(raws: dict[Register[Any], int], old: list[int] | None, new: list[int] | None, *, json: bool) -> None:
-    before = dict(zip(raws, old, strict=True)) if old is not None else {}
-    after = dict(zip(raws, new, strict=True)) if new is not None else raws
-    if json:
-        print_json(
-            {
-                row.name: {
-                    "old": json_value(row, before[row]) if row in before else None,
-                    "new": json_value(row, after[row]),
-                    "unit": unit_text(row),
-                }
-                for row in raws
-            }
-        )
-        return
-    width = max(len(row.name) for row in raws)
-    for row in raws:
-        was = value_text(row, before[row]) if row in before else "?"
-        click.echo(f"{row.name:<{width}}  {was} -> {value_text(row, after[row])}")

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-from servobus import ServobusError
+from servobus import BusServo, ServobusError
+from servobus.cli.advice import command_for
 from servobus.cli.backup import write_backup
-from servobus.cli.options import Where, find, on_servo, open_port, verb
-from servobus.cli.output import note
+from servobus.cli.options import Ids, Where, find, for_each, on_servo, on_servos, open_port, verb
 from servobus.errors import BadValue, UsageError
 from servobus.families import registry
 
@@ -35,6 +35,7 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
             raise BadValue(f"--keep {', '.join(sorted(unknown))}: only {', '.join(keepable)} can be kept")
     with open_port(port) as bus:
         servo = find(bus, where, id)
+        servo.family.check_reset(servo.target, kept)
         old_baud = servo.baud
         saved = servo.backup()
         less = f", less {', '.join(sorted(kept))}" if kept else ", id and speed included"
@@ -49,24 +50,25 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
             raise
     click.echo(f"{saved.model.title} id {id} is reset: id {servo.id} at {servo.baud} baud now")
     click.echo(f"its settings before are in {path}; to undo:")
-    port = shlex.quote(port)
-    click.echo(f"  servobus restore {port} {servo.id} {shlex.quote(str(path))}")
+    click.echo(f"  {command_for(servo, where, 'restore', port, servo.id, shlex.quote(str(path)))}")
     if servo.id != id:
-        click.echo(f"  servobus set-id {port} {servo.id} {id}")
+        click.echo(f"  {command_for(servo, where, 'set-id', port, servo.id, id)}")
     if servo.baud != old_baud:
-        click.echo(f"  servobus set-baud {port} {id} {old_baud}")
+        click.echo(f"  {command_for(servo, where, 'set-baud', port, id, old_baud)}")
 
 
-@verb("reboot", "servobus reboot /dev/ttyUSB0 219")
-@on_servo
-def reboot(port: str, id: int, where: Where) -> None:
-    """Restart the servo ID on PORT: its torque goes off, and what was not stored is forgotten.
+@verb("reboot", "servobus reboot /dev/ttyUSB0 219", "servobus reboot /dev/ttyUSB0 219,220")
+@on_servos
+def reboot(port: str, ids: Ids, where: Where) -> None:
+    """Restart the servos ID... on PORT: their torque goes off, and what was not stored is forgotten.
 
     Few families have a command for that, as HerkuleX has; other servos are switched off and on.
     """
-    with open_port(port) as bus:
-        servo = find(bus, where, id)
+
+    def restart(servo: BusServo) -> None:
         servo.reboot()
         servo.ping()
-        click.echo(f"{servo.target} restarted")
-    note("its torque is off")
+        click.echo(f"{servo.target} restarted; its torque is off")
+
+    with open_port(port) as bus:
+        for_each(bus, where, ids, restart)

@@ -12,7 +12,6 @@ import click
 import servobus
 from servobus import MODELS, BusServo, UsageError, deg
 from servobus.cli import plot
-from servobus.cli.move import stop_all
 from servobus.cli.options import (
     ANGLE,
     SECONDS,
@@ -27,6 +26,7 @@ from servobus.cli.options import (
 )
 from servobus.cli.output import note, print_json
 from servobus.cli.response import Response, Sample
+from servobus.cli.stop import stop_all
 from servobus.core.ids import check_id
 from servobus.core.units import show, shown
 from servobus.errors import BadValue, ServobusError
@@ -208,10 +208,10 @@ def _torque_restored(servo: BusServo, *, torque: bool) -> Iterator[None]:
             servo.torque_on()
         yield
     except KeyboardInterrupt:
-        stop_all([servo])
+        stop_all(servo._bus, [servo])
         raise click.exceptions.Exit(130) from None
     except ServobusError:
-        servo.stop()
+        stop_all(servo._bus, [servo])
         raise
     finally:
         if not torque:

@@ -1,10 +1,9 @@
 """`turn`: endless turn, as a wheel."""
 
-import shlex
-
 import click
 
 from servobus import Bus, BusServo, ServobusError
+from servobus.cli.advice import command_for
 from servobus.cli.options import (
     ANGLE,
     SHARE,
@@ -17,6 +16,7 @@ from servobus.cli.options import (
     verb,
 )
 from servobus.cli.output import note, warn_alarms
+from servobus.cli.stop import stop_all
 from servobus.core.units import show
 from servobus.errors import BadValue, UsageError
 
@@ -60,7 +60,7 @@ def turn(
             click.echo(f"{servo.target} takes angles again; it is at {_position_text(servo)}")
         else:
             _check_option(servo, speed)
-            _turn(bus, servo, output, speed)
+            _turn(bus, servo, where, output, speed)
         warn_alarms(servo)
 
 
@@ -78,7 +78,7 @@ def _check_option(servo: BusServo, speed: float | None) -> None:
         raise UsageError(f"{servo.target} cannot control the speed at which it turns: give --output PERCENT")
 
 
-def _turn(bus: Bus, servo: BusServo, output: float | None, speed: float | None) -> None:
+def _turn(bus: Bus, servo: BusServo, where: Where, output: float | None, speed: float | None) -> None:
     motion_status = bus.do(servo.family.motion_status(servo.target), baud=servo.baud)
     try:
         if not motion_status.torque:
@@ -93,18 +93,16 @@ def _turn(bus: Bus, servo: BusServo, output: float | None, speed: float | None) 
         if not motion_status.torque:
             note(f"torque switched on: id {servo.id}")
     except KeyboardInterrupt:
-        try:
-            servo.stop()
-        except ServobusError as error:
-            note(f"servobus: {servo.target} may still turn: {error}")
-        raise
+        stop_all(bus, [servo])
+        raise click.exceptions.Exit(130) from None
     pace = show(speed, "rad/s") if speed is not None else show(output or 0.0, "1") + " of full output"
-    port = shlex.quote(bus.transport.name)
-    click.echo(f"{servo.target} turns at {pace}; `servobus stop {port} {servo.id}` stops it")
+    port = bus.transport.name
+    click.echo(f"{servo.target} turns at {pace}; `{command_for(servo, where, 'stop', port, servo.id)}` stops it")
     if not motion_status.turning:
         row = servo.model.register("goal_position")
         low, high = (show(row.decode(raw), "rad").removesuffix("°") for raw in (motion_status.low, motion_status.high))
-        note(f"back to angles: servobus turn {port} {servo.id} --end --limits {low} {high}")
+        words = servo.id, "--end", "--limits", low, high
+        note(f"back to angles: {command_for(servo, where, 'turn', port, *words)}")
 
 
 def _position_text(servo: BusServo) -> str:

@@ -16,6 +16,7 @@ from servobus.virtual.physics.motor import NOTHING, Load
 from servobus.virtual.serve.ports import serve_pty, serve_tcp
 from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import Servos, Setup, parse_load, parse_specs
+from servobus.virtual.wire.adapter import WHOLE, Adapter
 from servobus.virtual.wire.faults import KINDS, NO_FAULTS, SETTINGS, Faults, explain
 
 
@@ -26,6 +27,15 @@ class LoadType(click.ParamType[Load]):
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Load:  # noqa: ARG002
         return value if isinstance(value, Load) else parse_load(str(value))
+
+
+class AdapterType(click.ParamType[Adapter]):
+    """In which pieces answers come, as people type it."""
+
+    name = "adapter"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Adapter:  # noqa: ARG002
+        return value if isinstance(value, Adapter) else Adapter.parse(str(value))
 
 
 class FaultsType(click.ParamType[Faults]):
@@ -60,6 +70,7 @@ class FaultsType(click.ParamType[Faults]):
 @click.option("--state", metavar="FILE", help="Keep the EEPROM contents in FILE, so that it survives.")
 @click.option("--echo", is_flag=True, help="Give back what is sent, as some adapters do.")
 @click.option("--voltage", type=UnitType("volts", "V"), metavar="V", help="Supply; else the model's nominal voltage.")
+@click.option("--temperature", type=UnitType("degrees Celsius", "degC"), metavar="C", help="Of the cases; else 25.")
 @click.option(
     "--supply-resistance",
     type=UnitType("ohm", "ohm"),
@@ -74,6 +85,15 @@ class FaultsType(click.ParamType[Faults]):
     default=NOTHING,
     show_default=False,
     help="What hangs on every shaft: mass=KG,length=M for an arm, inertia=KGM2, torque=NM, blocked.",
+)
+@click.option(
+    "--adapter",
+    type=AdapterType(),
+    metavar="KIND",
+    default=WHOLE,
+    show_default=False,
+    help="In which pieces answers come: whole (the default), none (byte by byte), usb:16ms (a latency timer) or "
+    "fifo:14 (a UART).",
 )
 @click.option(
     "--faults",
@@ -93,9 +113,11 @@ def virtual(
     state: str | None,
     echo: bool,
     voltage: float | None,
+    temperature: float | None,
     supply_resistance: float | None,
     motor: str | None,
     load: Load,
+    adapter: Adapter,
     faults: Faults,
     show: bool,
 ) -> None:
@@ -119,10 +141,12 @@ def virtual(
         echo=echo,
         baud=baud,
         voltage=voltage,
+        temperature=temperature,
         state=Path(state) if state else None,
         motor=motor,
         supply_resistance=supply_resistance,
         load=load,
+        adapter=adapter,
         faults=faults,
     )
     address = _host_and_port(tcp) if tcp else None

@@ -13,12 +13,13 @@ from collections.abc import Callable
 from typing import Final
 
 from servobus.cli.output import note
+from servobus.core.ids import parse_ids
 from servobus.core.units import parse, show
 from servobus.errors import BadValue, ServobusError, UsageError
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.physics.motor import NOTHING, Load
 from servobus.virtual.serve.rig import Rig
-from servobus.virtual.serve.spec import check_temperature, check_voltage, parse_ids, parse_load, parse_specs
+from servobus.virtual.serve.spec import check_temperature, check_voltage, parse_load, parse_specs
 
 HELP: Final = """\
 load SERVOS mass=0.2 length=0.1  hang an arm on a shaft; also inertia, torque, down, tilt, blocked; none takes it off

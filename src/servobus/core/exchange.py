@@ -72,10 +72,12 @@ class Exchange(Generic[T]):
     max_delay   longest time in seconds between the request's last bit and the reply's first
     typical_delay  the time that it usually takes at most; the same, if not given
     repeatable  whether it may be sent again if no answer comes: what only asks, and what sets RAM to a value
+    anyway      whether it is sent although the line is not quiet
     """
 
     __slots__ = (
         "alarms",
+        "anyway",
         "framing",
         "id",
         "interpret",
@@ -105,7 +107,7 @@ class Exchange(Generic[T]):
         repeatable: bool = False,
     ) -> None:
         self.what, self.framing, self.request, self.interpret = what, framing, request, interpret
-        self.alarms, self.max_delay, self.repeatable = alarms, max_delay, repeatable
+        self.alarms, self.max_delay, self.repeatable, self.anyway = alarms, max_delay, repeatable, False
         self.typical_delay = max_delay if typical_delay is None else typical_delay
         self.id = framing.unframe(request)[0].id
         """The id in the request: the servo that is asked, or the broadcast id."""
@@ -133,6 +135,15 @@ class Exchange(Generic[T]):
     def no_retry(self) -> Self:
         """Make the same question, never to be asked again."""
         return self._changed(repeatable=False)
+
+    def told(self) -> "Exchange[None]":
+        """Make the same request, to be sent at once whatever is on the line, and without a wait for an answer."""
+        nothing: Any = {"replies": (), "reply": None, "reply_size": 0}
+        return self._changed(interpret=ack_only, repeatable=True, anyway=True, **nothing)  # type: ignore[return-value] # as above
+
+    def behind(self, bytes_: bytes) -> Self:
+        """Make the same request with bytes before it that are no part of a packet."""
+        return self._changed(request=bytes_ + self.request)
 
     def strict(self) -> "Exchange[None]":
         """Make the same question, to which only a full reply counts, and that it came: a fence."""
@@ -234,6 +245,12 @@ class Batch:
 Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Now | Batch
 Procedure: TypeAlias = Generator[Step, Any, T]
 Job: TypeAlias = Exchange[T] | Procedure[T]
+
+
+def told(job: Procedure[Any]) -> Procedure[None]:
+    """Send what a job sends at once, whatever is on the line. Nothing is waited for, so the job must not ask."""
+    for step in job:
+        yield step.told() if isinstance(step, Exchange) else step
 
 
 def ack_only(_: Packet) -> None:

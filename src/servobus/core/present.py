@@ -16,11 +16,14 @@ ACCESS = {Access.READ: "read", Access.READ_WRITE: "read, write", Access.RESERVED
 
 
 def json_value(register: Register[Any], raw: int) -> Any:
-    """Give a value for JSON, in the unit people use; the raw integer where it has no meaning."""
+    """Give a value for JSON, in the unit people use; the raw integer where it is a code without a known meaning.
+
+    None for a raw integer that the register cannot hold.
+    """
     try:
         value = register.decode(raw)
     except ValueError:
-        return raw
+        return raw if register.holds(raw) else None
     scale = register.scale
     if isinstance(scale, Quantity):
         return shown(value, scale.unit)[0]
@@ -36,10 +39,7 @@ def unit_text(register: Register[Any]) -> str:
 
 def value_text(register: Register[Any], raw: int) -> str:
     """Write a raw integer as people read it."""
-    try:
-        return register.show(register.decode(raw))
-    except ValueError:
-        return f"raw {raw} (no known meaning)"
+    return register.said(raw)
 
 
 def value_entry(register: Register[Any], raw: int) -> dict[str, Any]:

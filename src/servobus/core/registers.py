@@ -16,9 +16,9 @@ from functools import partial
 from numbers import Integral
 from typing import Any, ClassVar, Generic, Literal, TypeAlias, TypeVar
 
-from servobus.core.units import Quantity, Scale
-from servobus.core.values import frozen
-from servobus.errors import BadValue
+from servobus.core.units import Quantity, Scale, Switch
+from servobus.core.values import frozen, replace
+from servobus.errors import BadReading, BadValue
 
 T = TypeVar("T")
 
@@ -61,14 +61,21 @@ class Motion(enum.Enum):
 class Int:
     """An integer in `size` bytes, low byte first unless `order` is "big".
 
-    `signed` is two's complement. `sign_bit` makes it sign and magnitude instead: that bit set means
-    negative, the bits below it are the magnitude, bits above it are not part of the value.
+    signed    two's complement
+    sign_bit  sign and magnitude instead: that bit set means negative, the bits below it are the magnitude
+    bits      width of the value, where it does not fill its bytes
+    flags     bits that a servo sets beside the value, documented as no part of it: they are left out of the raw value
+
+    Other bits beyond the value must be 0. No bit is dropped where they are not: such a raw value is the whole word,
+    which lies outside `range`.
     """
 
     size: int
     signed: bool = False
     sign_bit: int | None = None
     order: Literal["little", "big"] = "little"
+    bits: int | None = None
+    flags: int = 0
 
     @property
     def range(self) -> tuple[int, int]:
@@ -76,8 +83,13 @@ class Int:
         if self.sign_bit is not None:
             top = (1 << self.sign_bit) - 1
             return -top, top
-        bits = 8 * self.size
+        bits = self.bits or 8 * self.size - self.flags.bit_count()
         return (-(1 << bits - 1), (1 << bits - 1) - 1) if self.signed else (0, (1 << bits) - 1)
+
+    @property
+    def fills_its_bytes(self) -> bool:
+        """Whether every combination of bits is a raw value."""
+        return self.sign_bit is None and self.bits is None and not self.flags
 
     def pack(self, raw: int) -> bytes:
         if self.sign_bit is not None:
@@ -85,15 +97,19 @@ class Int:
         return raw.to_bytes(self.size, self.order, signed=self.signed)
 
     def unpack(self, data: bytes) -> int:
-        raw = int.from_bytes(data, self.order, signed=self.signed)
-        if self.sign_bit is None:
+        raw = int.from_bytes(data, self.order, signed=self.signed) & ~self.flags
+        if self.sign_bit is None or raw >> self.sign_bit + 1:
             return raw
         magnitude = raw & (1 << self.sign_bit) - 1
-        return -magnitude if raw >> self.sign_bit & 1 else magnitude
+        return -magnitude if raw >> self.sign_bit else magnitude
+
+    def flags_in(self, data: bytes) -> int:
+        """Give the flag bits that are set beside the value."""
+        return int.from_bytes(data, self.order) & self.flags
 
     def unpacker(self) -> Callable[[bytes], int]:
         """Give `unpack` as the quickest function that does it."""
-        if self.sign_bit is None:
+        if self.fills_its_bytes:
             return partial(int.from_bytes, byteorder=self.order, signed=self.signed)
         return self.unpack
 
@@ -150,12 +166,13 @@ class Register(Generic[T]):
     volatile  the servo changes it by itself, or by other commands: a changed value does not tell a restart
     motion    how writing it can move the servo; None if it cannot
     latched   what went wrong stays in it until 0 is written there
+    live      bits that the servo sets and clears by itself, whatever is written there
     note      where the sources disagree: the erratum or manual section and the reading taken
     """
 
     __slots__ = (
-        "access", "aliases", "allowed", "area", "default", "latched", "layout", "limits", "meaning", "model", "motion",
-        "name", "note", "owner", "place", "scale", "volatile",
+        "access", "aliases", "allowed", "area", "default", "latched", "layout", "limits", "live", "meaning", "model",
+        "motion", "name", "note", "owner", "place", "scale", "volatile",
     )  # fmt: skip
 
     def __init__(
@@ -173,12 +190,13 @@ class Register(Generic[T]):
         volatile: bool = False,
         motion: Motion | None = None,
         latched: bool = False,
+        live: int = 0,
         note: str = "",
     ) -> None:
         self.place, self.layout, self.scale, self.meaning = place, layout, scale, meaning
         self.default, self.limits, self.allowed = default, limits or layout.range, allowed
         self.access, self.area, self.note = access, area or place.area, note
-        self.volatile, self.motion, self.latched = volatile, motion, latched
+        self.volatile, self.motion, self.latched, self.live = volatile, motion, latched, live
         self.name = self.model = ""
         self.aliases: tuple[str, ...] = ()
         """Second names of the row."""
@@ -197,17 +215,20 @@ class Register(Generic[T]):
 
         `highest_limit_temperature = RX28.highest_limit_temperature.with_(default=70)` in the class body of a model.
         The names are those of the arguments of `Register`. With a new layout or place the limits and the area are
-        those of the new one, unless they were set by hand.
+        those of the new one, unless they were set by hand. A new scale or new limits may count further than the old
+        ones: then the value fills its bytes, unless a layout is given.
         """
         names = (
             "place", "layout", "scale", "meaning", "default", "limits", "allowed", "access", "area", "volatile",
-            "motion", "latched", "note",
+            "motion", "latched", "live", "note",
         )  # fmt: skip
         if unknown := changes.keys() - set(names):
             raise TypeError(f"{self}: a register has no {', '.join(sorted(unknown))}; it has {', '.join(names)}")
         old = {name: getattr(self, name) for name in names}
-        if self.limits == self.layout.range:
+        if "layout" in changes and self.limits == self.layout.range:
             old["limits"] = None
+        if self.layout.bits and ("scale" in changes or "limits" in changes):
+            old["layout"] = replace(self.layout, bits=None)
         if self.area is self.place.area:
             old["area"] = None
         return Register(**old | changes)
@@ -242,6 +263,10 @@ class Register(Generic[T]):
         low, high = self.limits
         return low <= raw <= high and (self.allowed is None or raw in self.allowed)
 
+    def took(self, raw: int, now: int) -> bool:
+        """Tell from what is there now whether the servo took a raw value that was written."""
+        return (raw ^ now) & ~self.live == 0
+
     def check(self, raw: int) -> int:
         """Give the raw value back, or raise BadValue if this register must not be given it."""
         if not self.writable:
@@ -263,9 +288,41 @@ class Register(Generic[T]):
             raise BadValue(f"{self.model} {self.name}: {error}") from None
         return self.check(raw)
 
-    def decode(self, raw: int) -> T:
-        """Turn a raw integer that was read into its value. Raises ValueError for a code without meaning."""
-        return self.scale.decode(raw)
+    def holds(self, raw: int) -> bool:
+        """Tell whether the raw value has no bits beyond those of the register."""
+        low, high = self.layout.range
+        return self.layout.fills_its_bytes or low <= raw <= high
+
+    def decode(self, raw: int, servo: object = None) -> T:
+        """Turn a raw integer that was read into its value; `servo` is named in the message if there is none.
+
+        Raises BadReading for bits beyond those of the register, and for a code without meaning.
+        """
+        if self.holds(raw):
+            try:
+                return self.scale.decode(raw)
+            except ValueError:
+                pass
+        raise BadReading(f"{servo or self.model}: {self.name} is {self.said(raw)}")
+
+    def decoder(self, servo: object = None) -> Callable[[int], T]:
+        """Give `decode` as the quickest function that does it."""
+        return (
+            self.scale.decode if self.layout.fills_its_bytes and self.scale.total else partial(self.decode, servo=servo)
+        )
+
+    def said(self, raw: int) -> str:
+        """Write a raw integer as a person reads it: its value, or that it has none. Never fails."""
+        if raw.bit_length() > 64:  # Python writes no int of more than 4300 digits
+            return f"an int of {raw.bit_length()} bits"
+        if not self.holds(raw):
+            return f"out of range (raw {raw:#0{2 + 2 * self.layout.size}x})"
+        try:
+            value = self.scale.decode(raw)
+        except ValueError:
+            return f"raw {raw} (no known meaning)"
+        shown = self.scale.show(value)
+        return f"{shown} (raw {raw})" if isinstance(self.scale, Switch) and raw not in (0, 1) else shown
 
     def parse(self, text: str) -> T:
         """Read a value as a person types it. Raises BadValue."""
@@ -286,8 +343,8 @@ class Register(Generic[T]):
         return f"in {self._say(low)} .. {self._say(high)}"
 
     def _say(self, raw: int) -> str:
-        if raw.bit_length() > 64:  # Python writes no int of more than 4300 digits
-            return f"an int of {raw.bit_length()} bits"
+        if raw.bit_length() > 64:
+            return self.said(raw)
         try:
             shown = self.scale.show(self.scale.decode(raw))
         except ValueError:
@@ -304,6 +361,9 @@ def check_row(row: Register[Any]) -> None:
         raise TypeError(f"{row}: default {row.default} is outside its limits")
     if row.allowed and not all(row.limits[0] <= raw <= row.limits[1] for raw in row.allowed):
         raise TypeError(f"{row}: an allowed value is outside the limits")
+    layout = row.layout
+    if layout.flags and (layout.signed or layout.flags != (1 << 8 * layout.size) - (1 << layout.range[1].bit_length())):
+        raise TypeError(f"{row}: the flags {layout.flags:#x} are not all the bits above those of the value")
     if not row.meaning:
         raise TypeError(f"{row}: a row needs a meaning")
 

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from enum import IntEnum, IntFlag
 from numbers import Integral, Real
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from servobus.core.values import frozen
 
@@ -42,6 +42,8 @@ class Scale(ABC, Generic[T]):
 
     unit: str = ""
     """SI unit of the value; empty for plain counts, choices, flags and switches."""
+    total: ClassVar[bool] = True
+    """Whether every raw integer has a value."""
 
     @abstractmethod
     def decode(self, raw: int) -> T: ...
@@ -132,6 +134,8 @@ class Switch(Scale[bool]):
 @frozen
 class Choice(Scale[EnumT]):
     """One of the members of an IntEnum."""
+
+    total = False
 
     options: type[EnumT]
 
@@ -230,6 +234,8 @@ class BaudDivisor(Scale[int]):
 @frozen
 class Lookup(Scale[int]):
     """value = codes[raw]: how HerkuleX codes its speeds."""
+
+    total = False
 
     codes: Mapping[int, int]
     unit: str = "baud"

@@ -8,11 +8,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, TypeVar
 
-from servobus.core.exchange import Exchange, Procedure, ReplyPattern
+from servobus.core.exchange import Exchange, Now, Pause, Procedure, ReplyPattern, told
 from servobus.core.framing import Framing, Packet
 from servobus.core.registers import Area, Int, Register
+from servobus.core.units import deg
 from servobus.core.values import frozen
-from servobus.errors import BadValue, BusError, UsageError
+from servobus.errors import BadValue, BusError, NoReply, ServobusError, UsageError
+from servobus.families.change import before_told, check_pairs, pairs_touched
 from servobus.families.model import Model, Performance, SpecSheet
 from servobus.families.motion import (
     AxisMove,
@@ -28,6 +30,9 @@ from servobus.families.motion import (
 from servobus.families.target import Answers, KnownServo, ServoRef
 
 __all__ = [
+    "LIMP",
+    "TRIES",
+    "TURNS_NO_MORE",
     "Answers",
     "AxisMove",
     "Family",
@@ -39,6 +44,7 @@ __all__ = [
     "Reading",
     "ServoRef",
     "SpecSheet",
+    "StopOutcome",
     "TorqueState",
     "adjacent",
     "blocks",
@@ -51,6 +57,15 @@ __all__ = [
 
 T = TypeVar("T")
 
+ASK_AGAIN = 0.02
+"""s between two questions to a servo that does not answer yet."""
+TRIES = 3
+"""Times that a servo is told to stop, or to let go, before something else is done about it."""
+ANSWERED = 0.005
+"""s in which a servo has answered what was only told; assumption, at 57600 baud and more."""
+SLACK = 2 * deg
+"""Way to the nearer limit that a stop may make a servo go; assumption: about what a loaded shaft gives way."""
+
 
 @frozen
 class Identity:
@@ -59,6 +74,23 @@ class Identity:
     number: int | None
     firmware: str
     answers: Answers
+
+
+@frozen
+class StopOutcome:
+    """What a stop did with a servo."""
+
+    text: str
+    """In words: "held at 201.5°", "let go: ..."."""
+    let_go: bool = False
+    """Whether its torque is off now, so that its shaft turns freely."""
+
+    def __str__(self) -> str:
+        return self.text
+
+
+LIMP = StopOutcome("it drives nothing: its torque was off", let_go=True)
+TURNS_NO_MORE = StopOutcome("it turns no more")
 
 
 @frozen
@@ -81,6 +113,11 @@ class Family(ABC):
     title: ClassVar[str]
     framing: ClassVar[Framing]
     full_duplex: ClassVar[bool] = False
+    eeprom_time: ClassVar[float] = 0.0
+    """s for which a servo hears nothing after each byte that was written to its EEPROM, as far as that is known."""
+    patience: ClassVar[float] = 1.0
+    """s for which a servo is asked until it answers, after a write to its EEPROM, a reset or a restart. Assumption:
+    twice as long as any was seen to need."""
     needs: ClassVar[tuple[str, ...]] = ()
     """Names of the registers that the verbs of this family rely on, beside those that every model has."""
     keepable: ClassVar[tuple[str, ...]] = ()
@@ -173,21 +210,38 @@ class Family(ABC):
         """Tell whether what `read_stored` gives for this register is what survives power-off."""
         return True
 
+    def await_eeprom(self, target: ServoRef, size: int) -> Procedure[None]:
+        """Wait until a servo hears again of which `size` bytes of EEPROM were written just now. Raises NoReply."""
+        if self.eeprom_time:
+            yield Pause(size * self.eeprom_time)
+        yield from self.await_answer(target, "a write to its EEPROM")
+
+    def await_answer(self, target: ServoRef, after: str) -> Procedure[None]:
+        """Ask until a servo answers, `patience` s at most. Raises the last error, which says after what that was."""
+        began: float = yield Now()
+        while True:
+            try:
+                yield from self.ping(target.id).no_retry()
+            except BusError as error:
+                if (yield Now()) - began >= self.patience:
+                    said = f"{target} does not answer within {self.patience:g} s after {after}: is it powered?"
+                    raise NoReply(f"{said} ({error})") from error
+                yield Pause(ASK_AGAIN)
+            else:
+                return
+
     def _set(self, target: KnownServo, values: Mapping[Register[Any], int], *, keep: bool = False) -> Procedure[None]:
         """Write with care for EEPROM and record, and without asking what it moves: for verbs that see to that.
 
         Every write of registers but `put` and what stops a servo comes through here.
         """
         record = target.record
+        yield from self._check_limits(target, values, keep=keep)
         worn = [register for register in values if self.wears(register, keep=keep)]
-        same: frozenset[Register[Any]] = frozenset()
+        before: dict[Register[Any], int] = {}
         if worn and target.answers is not Answers.NOTHING:  # what cannot be read cannot be compared
-            present = yield from self.read_stored(target, worn)
-            same = frozenset(
-                register
-                for register, raw in zip(worn, present, strict=True)
-                if raw == values[register] and self.stored_is_told(register)
-            )
+            before = dict(zip(worn, (yield from self.read_stored(target, worn)), strict=True))
+        same = frozenset(row for row, raw in before.items() if raw == values[row] and self.stored_is_told(row))
         fresh = [register for register in worn if register not in same]
         if fresh:
             record.check_wear(str(target), fresh)
@@ -197,9 +251,10 @@ class Family(ABC):
         for register in values:
             record.lent.pop(register, None)
         try:
-            for part in _policy_last(target.model, values):
-                yield from self.put(target, part, keep=keep, same=same)
-        except BusError:
+            with before_told({row: before[row] for row in fresh if row in before}):
+                for part in _policy_last(target.model, values):
+                    yield from self.put(target, part, keep=keep, same=same)
+        except ServobusError:
             record.wrote(fresh)  # they may have arrived
             raise
         record.wrote(fresh)
@@ -207,6 +262,18 @@ class Family(ABC):
         torque = target.model.register("torque_enable")
         if torque in values and self.torque_on(values[torque]):
             record.restarted = False
+
+    def _check_limits(self, target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
+        """Refuse limits that would cross those beside which they are written, or which the servo has. Raises BadValue.
+
+        What a servo that answers nothing has cannot be known, and is not compared.
+        """
+        pairs = pairs_touched(target.model, values)
+        others = [row for pair in pairs for row in pair.rows(target.model) if row not in values]
+        if others and target.answers is not Answers.NOTHING:
+            have = yield from (self.read_stored if keep else self.read)(target, others)
+            values = {**values, **dict(zip(others, have, strict=True))}
+        check_pairs(target.model, values, str(target))
 
     def _check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:  # noqa: ARG002
         """Raise UsageError if the servo has locked its EEPROM. Most families have no lock."""
@@ -254,9 +321,76 @@ class Family(ABC):
     def moving(self, target: ServoRef) -> Procedure[bool]:
         """Tell whether the servo still moves towards its goal."""
 
+    def stop(self, target: KnownServo) -> Procedure[StopOutcome]:
+        """End the motion, whatever state the servo is in: hold it where it is, or let go of it.
+
+        It is held by `hold`. Where that fails, for an answer is lost, makes no sense or says no, its torque is switched
+        off. Raises BusError only if nothing shows that this has arrived: then the servo may still move.
+        """
+        try:
+            return (yield from self.hold(target))
+        except (BusError, ValueError) as error:
+            why = str(error)
+        yield from self.let_go(target)
+        return StopOutcome(f"let go, its torque is off: it could not be held ({why})", let_go=True)
+
     @abstractmethod
-    def stop(self, target: ServoRef) -> Procedure[None]:
-        """End the motion and hold the present position. It is not subject to `max_step`, nor recorded."""
+    def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
+        """End the motion and hold the present position, or the nearest one that its limits allow; see `reachable`.
+
+        Makes sure that it was heard. Not subject to `max_step`, nor recorded. Raises BusError, or UsageError for a
+        servo that answers no reads; `stop` goes on from there.
+        """
+
+    def let_go(self, target: KnownServo) -> Procedure[None]:
+        """Switch the torque off without asking anything first, again and again until it is known to be off.
+
+        Of a servo that answers no reads it is only made sure that it is there. Raises BusError if its torque may still
+        be on.
+        """
+        torque = target.model.register("torque_enable")
+        target.record.forget([torque])
+        error: BusError | None = None
+        for attempt in range(TRIES):
+            try:
+                if attempt == 0:
+                    yield from self.put(target, {torque: 0}, keep=False)
+                    if target.answers is Answers.EVERYTHING:
+                        break
+                else:
+                    # What is answered waits for a quiet line, and for old answers; what is only told does not.
+                    yield from told(self.put(target, {torque: 0}, keep=False))
+                    yield Pause(ANSWERED)
+                if target.answers is not Answers.NOTHING:
+                    (raw,) = yield from self.read(target, [torque])
+                    if not self.torque_on(raw):
+                        break
+                    error = BusError(f"{target}: its torque is still on")
+            except BusError as trouble:
+                error = trouble
+        else:
+            if target.answers is Answers.NOTHING:
+                yield from self.ping(target.id)
+            elif error is not None:
+                raise error
+        target.record.set({torque: 0})
+
+    def reachable(self, target: ServoRef, status: MotionStatus) -> int | None:
+        """Give the raw goal that holds a servo where it is.
+
+        Outside its limits that is the nearer limit; None if that is farther off than SLACK, for it would move.
+        """
+        row = target.model.register("goal_position")
+        here = row.scale.encode(status.position)
+        goal = min(max(here, status.low), status.high)
+        return goal if abs(row.decode(goal) - row.decode(here)) <= SLACK else None
+
+    def outside(self, target: KnownServo, status: MotionStatus) -> Procedure[StopOutcome]:
+        """Let go of a servo that cannot be held because it stands outside its limits."""
+        row = target.model.register("goal_position")
+        yield from self.let_go(target)
+        where, low, high = (row.show(angle) for angle in (status.position, *map(row.decode, (status.low, status.high))))
+        return StopOutcome(f"let go, its torque is off: it stood at {where}, outside its limits {low} .. {high}", True)
 
     def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         """Switch torque. With it nothing moves: goal := present position first. One that has it is left as it is.
@@ -377,7 +511,13 @@ class Family(ABC):
 
     @abstractmethod
     def reboot(self, target: KnownServo) -> Procedure[None]:
-        """Restart the servo. Raises UsageError where the family has no such command."""
+        """Tell the servo to restart; it is deaf for a while then. Raises UsageError where there is no such command."""
+
+    def check_reset(self, target: ServoRef, keep: frozenset[str]) -> None:
+        """Raise UsageError for a reset that this family cannot do, before anything is asked or sent."""
+        if unknown := keep - set(self.keepable):
+            can = f"only {', '.join(self.keepable)}" if self.keepable else "everything is restored"
+            raise cannot(target, f"keep {', '.join(sorted(unknown))}", can)
 
     @abstractmethod
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
@@ -389,7 +529,7 @@ class Family(ABC):
 
     @abstractmethod
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
-        """Change the speed for good; the servo is on the new speed when the procedure ends."""
+        """Change the speed for good; the servo is on its way to the new speed when the procedure ends."""
 
     # Explaining
 

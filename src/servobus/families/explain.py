@@ -30,10 +30,7 @@ def show_bytes(data: bytes) -> str:
 
 def show_value(register: Register[Any], raw: int) -> str:
     """Write a register's name and value as people read them; the raw integer where it has no meaning."""
-    try:
-        return f"{register.name} {register.show(register.decode(raw))}"
-    except ValueError:
-        return f"{register.name} raw {raw}"
+    return f"{register.name} {register.said(raw)}"
 
 
 def show_span(model: type[Model] | None, space: str, address: int, length: int) -> str:
@@ -49,6 +46,8 @@ def show_values(model: type[Model] | None, space: str, address: int, data: bytes
         part = data[start - address : start - address + size]
         raw = f"address {start}: {show_bytes(part)}"
         said.append(raw if row is None else show_value(row, row.layout.unpack(part)))
+        if row is not None and (flags := row.layout.flags_in(part)):
+            said[-1] += f" (flag bits {flags:#06x})"
     return ", ".join(said) or f"nothing at address {address}"
 
 

@@ -105,6 +105,31 @@ class SpecSheet:
     link: str = ""
 
 
+@frozen
+class LimitPair:
+    """Two registers of a model, of which the first must be below the second.
+
+    Some servos ignore crossed limits, others take them and refuse every goal from then on.
+    """
+
+    low: str
+    high: str
+    both_zero: bool = False
+    """Whether both may be 0: what that means is said where it may be."""
+
+    def rows(self, model: type["Model"]) -> tuple[Register[Any], Register[Any]]:
+        """Give the two registers."""
+        return model.register(self.low), model.register(self.high)
+
+    def fits(self, low: int, high: int) -> bool:
+        """Tell whether the pair may be set to these raw values."""
+        return low < high or (self.both_zero and low == high == 0)
+
+
+POSITION_LIMITS = LimitPair("min_position", "max_position")
+VOLTAGE_LIMITS = LimitPair("min_voltage", "max_voltage")
+
+
 class Model:
     """What servobus knows of one model. Subclass it; do not instantiate it.
 
@@ -126,6 +151,8 @@ class Model:
     """Longest time in seconds that one timed move can take; None if moves are given by speed."""
     turn_scale: ClassVar[Quantity]
     """Scale of the number that turns it without end: a speed ("rad/s"), or a share of full output ("1")."""
+    limit_pairs: ClassVar[tuple[LimitPair, ...]] = (POSITION_LIMITS, VOLTAGE_LIMITS)
+    """Registers of which one must be below the other."""
     brakes: ClassVar[bool] = False
     """Whether it can brake: short its motor, so that the shaft turns only slowly."""
     firmware: ClassVar[str] = ""
@@ -289,6 +316,10 @@ def _check_complete(model: type[Model]) -> None:
         limit = model.register(name)
         if limit.scale != goal.scale:
             raise TypeError(f"{limit} has another scale than {goal.name}, to whose raw values it is compared")
+    for pair in model.limit_pairs:
+        low, high = pair.rows(model)
+        if low.scale != high.scale:
+            raise TypeError(f"{low} has another scale than {high.name}, to which it is compared")
     limit_row = model.optional("output_limit")
     if limit_row is not None and not (limit_row.writable and limit_row.acts_in_ram):
         raise TypeError(f"{limit_row}: an output_limit can be written in RAM")

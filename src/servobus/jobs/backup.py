@@ -34,11 +34,7 @@ class Backup:
         ]
         for name, raw in self.values.items():
             row = self.model.registers[name]
-            try:
-                shown = row.show(row.decode(raw))
-            except ValueError:
-                shown = "no known meaning"
-            lines.append(f"{f'{name} = {raw}':<42} # {shown}: {row.meaning}")
+            lines.append(f"{f'{name} = {raw}':<42} # {row.said(raw)}: {row.meaning}")
         return "\n".join(lines) + "\n"
 
     @classmethod

@@ -1,9 +1,6 @@
 """Looking at one servo: what it is, where it is, and whether it restarted."""
 
-from typing import Any
-
 from servobus.core.exchange import Procedure, SetBaud
-from servobus.core.registers import Register
 from servobus.core.units import show
 from servobus.core.values import frozen
 from servobus.errors import Restarted
@@ -65,7 +62,7 @@ def verify(target: KnownServo) -> Procedure[None]:
     if not lost:
         return
     said = ", ".join(
-        f"{row.name} is {_said(row, raw)}, was set to {_said(row, record.ram[row])}" for row, raw in lost.items()
+        f"{row.name} is {row.said(raw)}, was set to {row.said(record.ram[row])}" for row, raw in lost.items()
     )
     record.forget()
     record.restarted = True
@@ -73,10 +70,3 @@ def verify(target: KnownServo) -> Procedure[None]:
         f"{target} has lost what was set in it: it restarted, a write was lost, or another program changed it "
         f"({said}). Set it up again; it moves after torque_on() or rearm()"
     )
-
-
-def _said(row: Register[Any], raw: int) -> str:
-    try:
-        return row.show(row.decode(raw))
-    except ValueError:
-        return f"raw {raw}"

@@ -1,35 +1,79 @@
-"""Making one servo safe: hold it, free it or brake it."""
+"""Stopping servos, and making them safe: hold them, free them or brake them.
 
-from servobus.core.exchange import Procedure
+Several are gone through twice. First each is dealt with in the careful way, so that one which does not answer keeps the
+others waiting for its time-outs only. Then those with which that failed have a second turn, in which the torque is
+switched off where nothing else works.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import TypeAlias
+
+from servobus.core.exchange import Procedure, SetBaud
 from servobus.errors import BusError
-from servobus.families.base import Answers, KnownServo, ServoRef
+from servobus.families.base import KnownServo, StopOutcome
 from servobus.families.record import SafeAction
 
+FREED = StopOutcome("let go, its torque is off", let_go=True)
+BRAKED = StopOutcome("braked", let_go=True)
+STOPPED_BEFORE = StopOutcome("it was stopped before")
 
-def make_safe(target: KnownServo, action: SafeAction) -> Procedure[None]:
-    """Hold a servo where it is, free it or brake it."""
+Outcomes: TypeAlias = Mapping[KnownServo, StopOutcome | BusError]
+"""What became of each servo that was to be stopped."""
+
+
+def stop(target: KnownServo) -> Procedure[StopOutcome]:
+    """Stop one servo, and take note of it; see `Family.stop`."""
+    return _noted(target, (yield from target.model.family.stop(target)))
+
+
+def stop_all(targets: Iterable[KnownServo]) -> Procedure[Outcomes]:
+    """Stop servos at any speeds, each of them though another fails. Raises nothing for one that may still move."""
+    outcomes: dict[KnownServo, StopOutcome | BusError] = {}
+    for target in targets:
+        yield SetBaud(target.baud)
+        try:
+            outcomes[target] = _noted(target, (yield from target.model.family.hold(target)))
+        except (BusError, ValueError) as error:
+            outcomes[target] = error if isinstance(error, BusError) else BusError(str(error))
+    for target in [target for target, outcome in outcomes.items() if isinstance(outcome, BusError)]:
+        yield SetBaud(target.baud)
+        try:
+            outcomes[target] = yield from stop(target)
+        except BusError as error:
+            outcomes[target] = error
+    return outcomes
+
+
+def make_safe(target: KnownServo, action: SafeAction) -> Procedure[StopOutcome]:
+    """Hold a servo where it is, free it or brake it. Raises BusError, or UsageError for one that answers no reads."""
     family = target.model.family
     if action == "free":
-        yield from family.torque(target, on=False)
-        # Most servos do not answer to that: it may have been lost.
-        if target.answers is not Answers.NOTHING:
-            (torque,) = yield from family.read(target, [target.model.register("torque_enable")])
-            if family.torque_on(torque):
-                raise BusError(f"{target}: its torque is still on")
+        yield from family.let_go(target)
+        outcome = FREED
     elif action == "brake":
         yield from family.brake(target)
-    elif not target.permit.stopped:
-        yield from _hold(target)
-    target.permit.mark_idle()
-
-
-def _hold(target: ServoRef) -> Procedure[None]:
-    family = target.model.family
-    try:
-        motion_status = yield from family.motion_status(target)
-    except BusError:
-        pass  # stop it all the same
+        outcome = BRAKED
     else:
-        if not motion_status.torque:
-            return  # it moves nothing; and a goal would switch an RX-28 on
-    yield from family.stop(target)
+        outcome = STOPPED_BEFORE if target.permit.stopped else (yield from family.hold(target))
+    target.permit.mark_idle()
+    return outcome
+
+
+def make_safe_anyhow(target: KnownServo, action: SafeAction) -> Procedure[StopOutcome]:
+    """Make a servo safe with which the careful way has failed: once more, else its torque is switched off."""
+    family = target.model.family
+    if action == "hold":
+        outcome = yield from family.stop(target)
+    else:
+        yield from family.let_go(target)
+        outcome = FREED
+    target.permit.mark_idle()
+    return outcome
+
+
+def _noted(target: KnownServo, outcome: StopOutcome) -> StopOutcome:
+    if outcome.let_go:
+        target.permit.mark_idle()
+    else:
+        target.permit.stopped = True
+    return outcome

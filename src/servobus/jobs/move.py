@@ -11,6 +11,7 @@ from servobus.core.units import deg, show
 from servobus.errors import BadValue, BusError, MoveTimeout, ServobusError, Stopped, TorqueOff, UsageError
 from servobus.families.base import AxisMove, KnownServo, ServoRef
 from servobus.families.motion import check_goal, inside_limits, no_torque, raw_position
+from servobus.jobs.make_safe import stop, stop_all
 
 DEFAULT_SPEED = 90 * deg
 """Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try. It is exceeded
@@ -323,18 +324,11 @@ def cancel(move: PlannedMove) -> Procedure[None]:
     """
     if move.over:
         return
-    move.over = True
-    first: BusError | None = None
-    for axis in move.axes:
-        yield SetBaud(axis.target.baud)
-        try:
-            yield from axis.target.model.family.stop(axis.target)
-            axis.target.permit.stopped = True
-        except BusError as error:
-            first = first or error
+    outcomes = yield from stop_all([axis.target for axis in move.axes])
     yield from _end(move)
-    if first is not None:
-        raise first
+    for outcome in outcomes.values():
+        if isinstance(outcome, BusError):
+            raise outcome
 
 
 def _end(move: PlannedMove) -> Procedure[None]:
@@ -372,7 +366,7 @@ def _stay(target: KnownServo) -> Procedure[str]:
         if inside_limits(target, motion_status):
             yield from family.settle(target, motion_status)
         else:
-            yield from family.stop(target)
+            yield from stop(target)
         target.permit.stopped = True
     if motion_status.shutdown:
         return f"has shut down ({motion_status.shutdown}); rearm() or `servobus rearm PORT {target.id}` brings it back"

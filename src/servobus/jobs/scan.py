@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 from servobus.core.exchange import Batch, Exchange, Pause, Procedure, SetBaud
 from servobus.core.ids import LAST_ID, check_id
 from servobus.core.values import frozen
-from servobus.errors import BusError, NoReply
+from servobus.errors import BusError, NoReply, UnknownName
 from servobus.families import registry
 from servobus.families.base import Answers, Family, Identity, Model, ServoRef
 from servobus.jobs.look import Snapshot, look
@@ -182,19 +182,36 @@ def _meet(family: Family, id: int, baud: int, alarms: int, identify: Identify) -
 def find(
     families: Sequence[Family], bauds: Sequence[int] | None, id: int, identify: Identify = by_number
 ) -> Procedure[FoundServo]:
-    """Look for one servo. Raises NoReply if nobody answers, BusError if it is no model known here."""
+    """Look for one servo.
+
+    Raises NoReply if nobody answers, UnknownName if two servos have this id, BusError if it is no model known here.
+    """
     survey = yield from scan(families, bauds, [id], identify=identify)
+    if len(survey.found) > 1:
+        names = " and ".join(
+            f"{found.model.title if found.model else found.family.title} id {id} at {found.baud}"
+            for found in survey.found
+        )
+        ways = " or ".join(dict.fromkeys(f'family="{found.family.name}"' for found in survey.found))
+        if len({found.family.name for found in survey.found}) < len(survey.found):
+            ways += ", and bauds="
+        raise UnknownName(f"id {id} is not unique here: {names}; say which, with {ways}")
     for found in survey.found:
         if found.model is not None:
             yield SetBaud(found.baud)
             return found
-        raise BusError(
-            f"id {id} at {found.baud} baud answers as {found.family.title} model {found.identity.number}, "
-            "which is not known here; a model can be said to be meant, with `models=` or --model"
-        )
+        raise unknown_model(found)
     if survey.troubles:
         raise survey.troubles[0].error
     tried = ", ".join(
         f"{family.name} at {'/'.join(map(str, bauds or registry.factory_bauds(family)))}" for family in families
     )
     raise NoReply(f"no servo answers to id {id} (tried {tried}); is it powered, and is that its speed?")
+
+
+def unknown_model(found: FoundServo) -> BusError:
+    """Say that a servo was found whose model is not known here."""
+    return BusError(
+        f"id {found.id} at {found.baud} baud answers as {found.family.title} model {found.identity.number}, "
+        "which is not known here; a model can be said to be meant, with `models=` or --model"
+    )

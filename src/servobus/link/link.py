@@ -49,7 +49,7 @@ from servobus.core.exchange import Batch, Exchange, Job, Now, Pause, ReplyPatter
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.replies import ReplyCollector
-from servobus.errors import BrokenEcho, BusError, LineBusy, Stopped
+from servobus.errors import BrokenEcho, BusError, LineBusy, ServobusError, Stopped
 from servobus.link.asking import Asking
 from servobus.link.fence import fenced
 from servobus.link.line_clock import LineClock, Timing
@@ -154,7 +154,7 @@ class Link:
                     if not isinstance(step, Pause | Now):
                         yield from self.set_baud(baud)
                     result = yield from self._step(step)
-                except BusError as error:
+                except ServobusError as error:  # a lost port too: what was begun can say how far it came
                     step = job.throw(error)
                 else:
                     step = job.send(result)
@@ -456,6 +456,9 @@ class Link:
             # What is not sent twice must not meet a servo that still takes bytes of another speed for a packet.
             until = max(until, self._clock.forgotten_at(exchanges[0].framing))
         yield from self._until(until)
+        if exchanges[0].anyway:
+            self.state = UNSURE  # whatever comes now belongs to nothing
+            return {}
         yield from self._quiet(exchanges[0])
         refused: dict[int, BusError] = {}
         asked = [(exchange, reply) for exchange in exchanges for reply in exchange.replies or (None,)]

@@ -8,7 +8,9 @@ An `OverloadMonitor` belongs to one servo; `Bus.protect` has each look at its ow
     SAFE    at the limit, or it pushes and has not moved for a while: its safe action, and no motion until that is over
 """
 
+import math
 from enum import IntEnum
+from numbers import Real
 
 from servobus.core.exchange import Now, Procedure
 from servobus.core.units import deg
@@ -47,7 +49,11 @@ class Thresholds:
     stall: float = 0.5
 
     def check(self) -> "Thresholds":
-        """Give them back. Raises BadValue if they contradict each other."""
+        """Give them back. Raises BadValue if one is no number, or if they contradict each other."""
+        for name in ("warn", "derate", "back", "push", "stall"):
+            value: object = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
+                raise BadValue(f"Thresholds: {name} {value!r} is not a number")
         if not (self.warn >= self.derate >= 0 and self.back >= 0 and 0 < self.push <= 1 and self.stall > 0):
             raise BadValue(f"{self}: warn must be at least derate, push a share, and none below 0")
         return self

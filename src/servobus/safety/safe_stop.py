@@ -4,30 +4,25 @@ Only servos that this bus has switched on or set in motion are touched, each onc
 see `Servo.safe_action`.
 """
 
-import atexit
 import contextlib
-import os
-import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
-from types import FrameType
 from typing import Protocol, TypeVar
 
 from servobus.core.exchange import Procedure, SetBaud
-from servobus.errors import ServobusError, Stopped, UsageError
-from servobus.families.base import KnownServo, ServoRef
+from servobus.errors import PortError, Stopped, UsageError
+from servobus.families.base import LIMP, KnownServo, ServoRef, StopOutcome
 from servobus.families.record import MotionPermit, SafeAction
-from servobus.jobs.make_safe import make_safe
+from servobus.jobs.make_safe import make_safe, make_safe_anyhow
 from servobus.link.blocking import run_blocking
 from servobus.link.link import Link
 from servobus.link.ownership import LineOwnership, Turn
+from servobus.safety import signals
 from servobus.safety.watchdog import Watchdog
 from servobus.transports.base import Transport
 
 ACTIONS: tuple[SafeAction, ...] = ("hold", "free", "brake")
-TERMINATED = 128 + 15
-"""Exit status after SIGTERM, as shells tell it."""
 
 
 class Joint(Protocol):
@@ -74,7 +69,14 @@ class SafeStop:
         self._watchdog_action: SafeAction | None = None
         self._ending = False
         """Whether the servos are made safe for good: the port is about to be closed."""
+        self._closed = False
         self._making_safe = threading.RLock()
+        self._open()
+
+    def _open(self) -> None:
+        self._closed = False
+        if self._transport.blocking():  # servos on a virtual clock end with this process
+            signals.opened(self)
 
     @property
     def action(self) -> SafeAction:
@@ -122,13 +124,15 @@ class SafeStop:
         """Take note of a command of motion before it goes out. Raises Stopped or UsageError if it must not."""
         if self._ending:
             raise Stopped(f"{servo.target}: the bus is being closed and its servos were made safe")
+        if self._closed:
+            raise PortError(f"{self._transport.name} is closed")
         check_safe_action(servo.safe_action, [servo.target])
         if self._watchdog is not None:
             if self._watchdog_action is not None:
                 check_safe_action(self._watchdog_action, [servo.target])
             self._watchdog.feed()
-        if self._transport.blocking():  # servos on a virtual clock end with this process
-            _arm(self)
+        if self._transport.blocking():
+            signals.about_to_move(self)
 
     def keep_alive(self) -> None:
         """Take note that the program is alive and watches what it moves. Raises Stopped if nothing is to move."""
@@ -147,52 +151,80 @@ class SafeStop:
         Blocks until it is done. Each is tried even if another fails; what fails is told through `logging`.
         `interrupt` takes the line at once from whatever has it.
         """
-        wanted = list(self._servos() if servos is None else servos)
-        failed: dict[str, Exception] = {}
-        with self._making_safe, _undisturbed():
-            if not any(servo.permit.driven for servo in wanted):
-                return
-            with self._take_over(interrupt) as (link, line, turn):
-                for servo in (*wanted, *wanted):  # what was interrupted may have left the line in disorder
-                    if not servo.permit.driven:
-                        continue
-                    try:
-                        run_blocking(link, link.run(_safe(servo, action)), line, turn)
-                    except Exception as error:  # noqa: BLE001 - whatever it is, the next servo must have its turn
-                        failed[str(servo.target)] = error
-                    else:
-                        failed.pop(str(servo.target), None)
-        for who, why in failed.items():
-            _tell(f"{self._transport.name}: {who} may still move: {why}")
+        with signals.undisturbed(ending=False):
+            self._make_safe(action, list(self._servos() if servos is None else servos), interrupt=interrupt)
 
-    def secure(self, servos: Sequence[J]) -> list[J]:
-        """Make those servos safe whose safe action was chosen; give the others."""
-        self.make_safe(servos=[servo for servo in servos if servo.permit.safe_action], interrupt=True)
-        return [servo for servo in servos if not servo.permit.safe_action]
+    def _make_safe(self, action: SafeAction | None, servos: Sequence[Joint], *, interrupt: bool) -> list[str]:
+        """Make servos safe; tell what could not be done, or was not what was asked for, and give that."""
+        said: dict[str, str] = {}
+        with self._making_safe:
+            if not any(servo.permit.driven for servo in servos):
+                return []
+            with self._take_over(interrupt) as (link, line, turn):
+                # Those with which the careful way fails come once more, after all the others: it may have failed only
+                # because what was interrupted has left the line in disorder.
+                for work in (make_safe, make_safe_anyhow):
+                    for servo in servos:
+                        if not servo.permit.driven:
+                            continue
+                        who, wanted = str(servo.target), action or servo.safe_action
+                        try:
+                            waits = link.run(_at_its_speed(servo, work(servo.target, wanted)))
+                            outcome = run_blocking(link, waits, line, turn)
+                        except Exception as error:  # noqa: BLE001 - whatever it is, the next servo must have its turn
+                            said[who] = f"{who} may still move: {error}"
+                        else:
+                            said.pop(who, None)
+                            if outcome.let_go and outcome is not LIMP and wanted == "hold":
+                                said[who] = f"{who}: {outcome}"
+        told = [f"{self._transport.name}: {text}" for text in said.values()]
+        for text in told:
+            _tell(text)
+        return told
 
     @contextlib.contextmanager
-    def failures_told(self, what: str) -> Iterator[None]:
-        """Tell through `logging` what fails inside, instead of raising it: a more important error is under way."""
-        try:
-            yield
-        except ServobusError as error:
-            _tell(f"{self._transport.name}: {what}: {error}")
+    def letting_go(self, error: BaseException) -> Iterator[None]:
+        """Have what lets go of servos after an error not broken off by signals, nor its own failures raised.
+
+        The error under way is the one that comes out: what fails here is told through `logging`, and noted with it.
+        """
+        with signals.undisturbed(ending=True):
+            try:
+                yield
+            except Exception as failure:  # noqa: BLE001 - whatever it is, the error under way is more important
+                text = f"{self._transport.name}: the torque may still be on: {failure}"
+                _tell(text)
+                error.add_note(text)
+
+    def secure(self, servos: Sequence[J], error: BaseException) -> list[J]:
+        """Make those servos safe after an error whose safe action was chosen; give the others."""
+        chosen = [servo for servo in servos if servo.permit.safe_action]
+        with signals.undisturbed(ending=True):
+            for text in self._make_safe(None, chosen, interrupt=True):
+                error.add_note(text)
+        return [servo for servo in servos if not servo.permit.safe_action]
 
     # The end
 
-    def end(self, *, safe: bool) -> None:
-        """Leave the servos: as they are, or made safe."""
+    def end(self, *, safe: bool) -> list[str]:
+        """Leave the servos: as they are, or made safe. Gives what could not be done."""
+        told: list[str] = []
         if self._watchdog is not None and not safe:
             self._watchdog.stop()
         if safe:
             self._ending = True
-            self.make_safe(interrupt=True)
+            with signals.undisturbed(ending=True):
+                told = self._make_safe(None, list(self._servos()), interrupt=True)
             if self._watchdog is not None:
                 self._watchdog.stop()
-        _disarm(self)
+        else:
+            self._closed = True
+        signals.closed(self)
+        return told
 
     def after_reopen(self) -> None:
         """Do on a port that is open again what could not be done when the watchdog tripped."""
+        self._open()
         if self._watchdog is not None and self._watchdog.tripped:
             self.make_safe(self._watchdog_action, interrupt=True)
 
@@ -208,72 +240,12 @@ def crashed(error: BaseException | None) -> bool:
     return error is not None and not (isinstance(error, SystemExit) and not error.code)
 
 
-def _safe(servo: Joint, action: SafeAction | None) -> Procedure[None]:
+def _at_its_speed(servo: Joint, work: Procedure[StopOutcome]) -> Procedure[StopOutcome]:
     yield SetBaud(servo.target.baud)
-    yield from make_safe(servo.target, action or servo.safe_action)
+    return (yield from work)
 
 
 def _tell(text: str) -> None:
     import logging  # noqa: PLC0415 - slow to import, and seldom wanted
 
     logging.getLogger("servobus").error(text)
-
-
-@contextlib.contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Hear no second Ctrl-C while the first is being obeyed."""
-    old = {}
-    if threading.current_thread() is threading.main_thread():  # no other hears any
-        for number in (signal.SIGINT, signal.SIGTERM):
-            if (handler := signal.getsignal(number)) is not None:  # None could not be set again
-                old[number] = handler
-    try:
-        for number in old:
-            signal.signal(number, signal.SIG_IGN)
-        yield
-    finally:
-        for number, handler in old.items():
-            signal.signal(number, handler)
-
-
-# The end of the program
-
-_armed: set[SafeStop] = set()
-"""Those of the buses that have set something in motion and are open."""
-_owner = 0
-"""Process that did so: a fork of it has no servos."""
-
-
-def _arm(stop: SafeStop) -> None:
-    """Have the servos of this bus made safe when the program ends, unless the bus is closed before."""
-    global _owner  # noqa: PLW0603 - it belongs to the process
-    if stop in _armed:
-        return
-    if not _owner:
-        atexit.register(_make_all_safe)
-    _owner = os.getpid()
-    _armed.add(stop)
-    # By default SIGTERM ends Python without any cleaning up.
-    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
-        signal.signal(signal.SIGTERM, _terminate)
-
-
-def _disarm(stop: SafeStop) -> None:
-    _armed.discard(stop)
-    if (
-        not _armed
-        and threading.current_thread() is threading.main_thread()
-        and signal.getsignal(signal.SIGTERM) is _terminate
-    ):
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-
-def _terminate(_signal: int, _frame: FrameType | None) -> None:
-    raise SystemExit(TERMINATED)
-
-
-def _make_all_safe() -> None:
-    """Do what was left undone, at the very end."""
-    if os.getpid() == _owner:
-        for stop in list(_armed):
-            stop.end(safe=True)

@@ -285,3 +285,35 @@ def test_by_servo_reads_like_a_dict_of_ids_where_they_are_unique() -> None:
         with pytest.raises(UnknownName, match="not unique here: RX-28 id 1 at 57600 and LX-16A id 1"):
             wrong()
     assert mixed != {1: 1}
+
+
+# N13: an id that two families share
+
+
+def test_N13_find_names_both_and_takes_neither() -> None:
+    said = "id 1 is not unique here: RX-28 id 1 at 57600 and LX-16A id 1 at 115200"
+    with servobus.open("virtual:rx28@1,lx16a@1?clock=virtual") as bus:
+        with pytest.raises(UnknownName, match=said):
+            bus.find(1)
+        assert len(bus) == 0
+        assert bus.find(1, family="lewansoul").model is LX16A
+        assert bus.find(1, bauds=57_600).model is RX28
+
+
+def test_N13_find_does_so_on_an_asynchronous_bus() -> None:
+    async def ask() -> None:
+        async with servobus.open_async("virtual:rx28@1,lx16a@1?clock=virtual") as bus:
+            with pytest.raises(UnknownName, match="RX-28 id 1 at 57600 and LX-16A id 1"):
+                await bus.find(1)
+            assert (await bus.find(1, family="lewansoul")).model is LX16A
+
+    asyncio.run(ask())
+
+
+def test_N13_results_of_all_servos_drop_none() -> None:
+    with servobus.open("virtual:rx28@1,lx16a@1?clock=virtual") as bus:
+        rx, lx = bus.scan(ids=1)
+        assert list(bus.read_all("present_voltage")) == [rx, lx]
+        assert list(bus.protect()) == [rx, lx]
+        with pytest.raises(UnknownName, match="not unique"):
+            bus.read_all("present_voltage")[1]

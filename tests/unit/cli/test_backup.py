@@ -28,7 +28,7 @@ def test_set_id(run: Run, load: Callable[..., Any], refused: Callable[..., str])
     assert run("set-id", port, 1, 7).stdout == "RX-28 id 1 is now id 7\n"
     assert ids(load, port, "--ids", "0-8") == [2, 3, 7]
     assert "id 3 is not free: a servo answers to it" in refused("set-id", port, 7, 3)
-    assert "254 is the broadcast id" in refused("set-id", port, 7, 254)
+    assert "254 is the broadcast id" in refused("set-id", port, 7, 254, code=2)
     assert "no servo answers to id 1" in refused("set-id", port, 1, 5)
     assert ids(load, port, "--ids", "0-8") == [2, 3, 7]
 
@@ -144,5 +144,5 @@ def test_a_reset_that_would_make_twins_is_refused(refused: Callable[..., str], l
 
 
 def test_reboot(run: Run, refused: Callable[..., str]) -> None:
-    assert run("reboot", DRS, 219).stdout == "DRS-0602 id 219 restarted\n"
+    assert run("reboot", DRS, 219).stdout == "DRS-0602 id 219 restarted; its torque is off\n"
     assert "switch its power off and on" in refused("reboot", RX, 1)

@@ -55,7 +55,7 @@ def test_it_says_what_a_servo_is(run: Run, load: Callable[..., Any]) -> None:
     assert [(one["model"], one["id"]) for one in found] == [("lx924", 1), ("lx924", 2)]
     assert "LX-924 id 1" in run("move", LX, "1=90", "2=90", "--model", "lx924").stdout
     assert "LX-924 id 2: torque off" in run("torque", LX, 2, "off", "--model", "lx924").stdout
-    assert "LX-924 id 1 stopped" in run("stop", LX, "all", "--model", "lx924").stdout
+    assert "LX-924 id 1 stopped: " in run("stop", LX, "all", "--model", "lx924").stdout
     assert "LX-924 ids 1, 2" in run("doctor", LX, "--ids", "0-4", "--reads", 20, "--model", "lx924").stdout
 
 
@@ -64,9 +64,16 @@ def test_its_factory_speed_is_asked_alone(run: Run) -> None:
     assert "AX-912 id 1 at 1000000" in run("scan", port, "--ids", "0-3", "--model", "ax912").stdout
     assert "RX-28" not in run("scan", port, "--ids", "0-3", "--model", "ax912").stdout
     assert "AX-912 id 1 at 1000000" in run("scan", port, "--ids", "0-3").stdout
-    assert "torque off: told every servo (dynamixel at 1000000)" in (
+    assert "torque off: told all ids of dynamixel at 57600/1000000/115200" in (
         run("torque", port, "all", "off", "--model", "ax912").stdout
     )
+
+
+def test_N13_one_id_at_two_speeds(refused: Callable[..., str], load: Callable[..., Any]) -> None:
+    port = "virtual:ax912@1,rx28@1?clock=virtual"
+    said = refused("read", port, 1, "led", "--baud", "all", "--family", "dynamixel")
+    assert "--family dynamixel --baud 57600 or --family dynamixel --baud 1000000" in said
+    assert load("info", port, 1, "--baud", "1000000")["model"] == "ax912"
 
 
 def test_what_the_servo_says_itself_counts_more(refused: Callable[..., str]) -> None:
@@ -75,8 +82,8 @@ def test_what_the_servo_says_itself_counts_more(refused: Callable[..., str]) -> 
 
 
 def test_it_is_checked_before_the_port_is_opened(refused: Callable[..., str]) -> None:
-    assert "no model 'lx999'" in refused("read", "/dev/nowhere", 1, "led", "--model", "lx999")
-    said = refused("read", "/dev/nowhere", 1, "led", "--model", "lx16a", "--family", "herkulex")
+    assert "no model 'lx999'" in refused("read", "/dev/nowhere", 1, "led", "--model", "lx999", code=2)
+    said = refused("read", "/dev/nowhere", 1, "led", "--model", "lx16a", "--family", "herkulex", code=2)
     assert "LX-16A is of the family lewansoul, not herkulex" in said
 
 

@@ -128,8 +128,8 @@ def test_settings_named_twice(refused: Callable[..., str]) -> None:
 
 
 def test_ids_that_cannot_be(refused: Callable[..., str]) -> None:
-    assert "254 is the broadcast id: every servo would obey" in refused("write", RX, 254, "led=on")
-    assert "'one' is not an id" in refused("read", RX, "one", "led", code=2)
+    assert "254 is the broadcast id: every servo would obey" in refused("write", RX, 254, "led=on", code=2)
+    assert "'one' is no id" in refused("read", RX, "one", "led", code=2)
     message = refused("read", RX, 9, "led")
     assert "no servo answers to id 9 (tried dynamixel at 57600" in message
     assert "`--baud all` tries every speed" in message

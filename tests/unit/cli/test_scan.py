@@ -106,12 +106,12 @@ def test_a_model_that_is_not_known_is_listed(
 
 
 def test_what_cannot_be_asked(refused: Callable[..., str]) -> None:
-    assert "254 is the broadcast id" in refused("scan", RX, "--ids", "250-254")
-    assert "3 is above 1" in refused("scan", RX, "--ids", "3-1")
-    assert "write it like 1-4,7" in refused("scan", RX, "--ids", "1..4", code=2)
-    assert "no family 'dynamixl'; did you mean dynamixel?" in refused("scan", RX, "--family", "dynamixl")
+    assert "254 is the broadcast id" in refused("scan", RX, "--ids", "250-254", code=2)
+    assert "3-1 runs backwards" in refused("scan", RX, "--ids", "3-1", code=2)
+    assert "such as 1-4,7" in refused("scan", RX, "--ids", "1..4", code=2)
+    assert "no family 'dynamixl'; did you mean dynamixel?" in refused("scan", RX, "--family", "dynamixl", code=2)
     assert "neither a number of baud nor `all`" in refused("scan", RX, "--baud", "fast", code=2)
-    assert "0 is not a speed" in refused("scan", RX, "--baud", "0")
+    assert "0 is not a speed" in refused("scan", RX, "--baud", "0", code=2)
     assert "no such port" in refused("scan", "/dev/does-not-exist")
     assert "PORT is empty" in refused("scan", "")
     assert "no model 'rx99'" in refused("scan", "virtual:rx99@1")

@@ -93,7 +93,7 @@ def test_what_cannot_be_served(refused: Callable[..., str], tmp_path: Path) -> N
     assert "254" in refused("virtual", "rx28@254")
     assert "write [HOST:]PORT" in refused("virtual", "rx28@1", "--tcp", "here")
     assert "write [HOST:]PORT" in refused("virtual", "rx28@1", "--tcp", "h:70000")
-    assert "--voltage" in refused("virtual", "rx28@1", "--voltage", "much")
+    assert "--voltage" in refused("virtual", "rx28@1", "--voltage", "much", code=2)
     assert "either --pty or --tcp" in refused("virtual", "rx28@1", "--pty", "a", "--tcp", "1", code=2)
     assert "not all" in refused("virtual", "rx28@1", "--baud", "all", code=2)
     taken = tmp_path / "file"
@@ -118,3 +118,18 @@ def test_demo(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_demo_length(refused: Callable[..., str]) -> None:
     assert "--seconds 0 is not in" in refused("demo", "--seconds", "0")
     assert "--seconds nan is not in" in refused("demo", "--seconds", "nan")
+
+
+def test_P3_the_adapter_is_chosen_by_an_option(load: Callable[..., Any], run: Run) -> None:
+    with served("lx16a@1", "--adapter", "usb:16ms") as port, servobus.open(port) as bus:
+        arm = bus.find(1, family="lewansoul")
+        start = bus.transport.now()
+        arm.ping()
+        assert bus.transport.now() - start >= 0.016
+    said = run("virtual", "lx16a@1", "--adapter", "ftdi", code=2)
+    assert "whole, none, usb" in said.stderr
+
+
+def test_M13_the_cases_have_a_temperature(load: Callable[..., Any]) -> None:
+    with served("rx28@1", "--temperature", "60") as port:
+        assert load("read", port, 1, "present_temperature")["present_temperature"]["value"] == 60

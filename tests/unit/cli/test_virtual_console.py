@@ -120,10 +120,10 @@ def test_things_happen_at_the_time_of_the_bus() -> None:
     (servo,) = desk.rig.servos
     desk.console.execute("voltage 5")
     assert servo.time == 0.0
-    assert desk.rig.next_look(0.0) == float("-inf")  # whoever serves comes at once
+    assert desk.rig.next_look() == float("-inf")  # whoever serves comes at once
     desk.rig.receive(2.5)
     assert servo.time == 2.5
-    assert desk.rig.next_look(0.0) is None
+    assert desk.rig.next_look() is None
 
 
 @posix
@@ -136,7 +136,7 @@ def test_lines_come_from_standard_input(monkeypatch: pytest.MonkeyPatch) -> None
         thread = read_commands(desk.console, stop)
         assert thread is not None
         pipe.write(b"voltage 6\nvolt")
-        until(lambda: desk.rig.next_look(0.0) is not None)
+        until(lambda: desk.rig.next_look() is not None)
         desk.rig.receive(1.0)
         assert desk.rig.servos[0].voltage == 6.0
         pipe.write(b"age 7")

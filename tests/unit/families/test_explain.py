@@ -169,7 +169,8 @@ def test_herkulex_jogs() -> None:
 def test_herkulex_alarms_and_refusals() -> None:
     error, detail = herkulex.StatusError, herkulex.StatusDetail
     hot = herkulex.Ack(1, herkulex.Code.RAM_READ, b"\x34\x01\x41", error.TEMPERATURE | error.OVERLOAD, detail(0))
-    assert drs0602(hot) == "ACK of RAM_READ from id 1: torque_control raw 65; ALARM temperature+overload"
+    alarm = "ALARM temperature+overload"
+    assert drs0602(hot) == f"ACK of RAM_READ from id 1: torque_control raw 65 (no known meaning); {alarm}"
     bad = herkulex.Ack(1, herkulex.Code.EEP_READ, b"", error.INVALID_PACKET, detail.EXCEED_REG_RANGE)
     assert drs0602(bad) == "ACK of EEP_READ from id 1: ALARM invalid_packet; exceed_reg_range"
     odd = herkulex.Ack(1, herkulex.Code.RAM_READ, b"\x34\x02\x60", error(0), detail(0))

@@ -186,7 +186,7 @@ def test_the_handler_of_sigterm_goes_with_the_bus_and_respects_others() -> None:
     try:
         with Arm("lx16a@1") as arm:
             with arm.open() as bus:
-                assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+                assert callable(signal.getsignal(signal.SIGTERM))  # a thread that moves could not catch it
                 bus.attach(LX16A, 1).torque_on()
                 assert callable(signal.getsignal(signal.SIGTERM))
                 with pytest.raises(SystemExit) as ended:

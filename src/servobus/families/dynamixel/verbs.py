@@ -3,14 +3,17 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Procedure, ReplyPattern
+from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Register
 from servobus.core.units import Flags
 from servobus.core.values import replace
-from servobus.errors import BadValue, NoReply, Refused, UsageError
+from servobus.errors import BadValue, BusError, NoReply, Refused, UsageError
 from servobus.families.base import (
+    LIMP,
+    TRIES,
+    TURNS_NO_MORE,
     Answers,
     AxisMove,
     Family,
@@ -20,6 +23,7 @@ from servobus.families.base import (
     MotionStatus,
     Reading,
     ServoRef,
+    StopOutcome,
     TorqueState,
     adjacent,
     blocks,
@@ -63,6 +67,8 @@ class Dynamixel1(Family):
     framing = FRAMING
     torque_rows = ("torque_enable", "torque_limit")
     limits_turn = True
+    # Measured by a user on an AX-12: 6 ms, give or take 1, 9 at most. The manual says nothing of it.
+    eeprom_time = 0.009
     needs = (
         "alarm_shutdown", "led", "lock", "max_torque", "moving", "moving_speed", "torque_limit",
     )  # fmt: skip
@@ -115,8 +121,15 @@ class Dynamixel1(Family):
         parts = {_address(register): register.layout.pack(raw) for register, raw in fresh.items()}
         # The EEPROM wears, and a second write of id or speed would reach no servo: only RAM may be written twice.
         in_ram = all(register.area is Area.RAM for register in fresh)
+        id, baud = target.model.register("id"), target.model.optional("baud")
         for address, data in adjacent(parts):
             yield _write(target, address, data, repeatable=in_ram)
+            worn = [row for row in fresh if row.area is Area.EEPROM and address <= _address(row) < address + len(data)]
+            size = sum(row.layout.size for row in worn)
+            if baud in worn:  # it answers at another speed now
+                yield Pause(size * self.eeprom_time)
+            elif worn:
+                yield from self.await_eeprom(replace(target, id=fresh[id]) if id in worn else target, size)
 
     def _check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:
         """Ask for Lock: once it is on, only addresses 24 to 35 can be written until power-off (3-4-2 Lock)."""
@@ -168,14 +181,23 @@ class Dynamixel1(Family):
         (moving,) = yield from self.read(target, [target.model.register("moving")])
         return bool(moving)
 
-    def stop(self, target: ServoRef) -> Procedure[None]:
-        model = target.model
-        motion_status = yield from self.motion_status(target)
-        if motion_status.turning:
-            yield from self.put(target, {model.register("moving_speed"): 0}, keep=False)
-            return
-        (position,) = yield from self.read(target, [model.register("present_position")])
-        yield from self.put(target, {model.register("goal_position"): position}, keep=False)
+    def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
+        """In endless turn Moving Speed 0 ends the motion (3-4-3), else a goal where the shaft is."""
+        goal, speed = (target.model.register(name) for name in ("goal_position", "moving_speed"))
+        for _ in range(TRIES):
+            motion_status = yield from self.motion_status(target)
+            if motion_status.turning:
+                row, raw, outcome = speed, 0, TURNS_NO_MORE if motion_status.torque else LIMP
+            elif not motion_status.torque:
+                return LIMP  # and a goal would switch it on
+            elif (here := self.reachable(target, motion_status)) is None:
+                return (yield from self.outside(target, motion_status))
+            else:
+                row, raw, outcome = goal, here, StopOutcome(f"held at {goal.show(goal.decode(here))}")
+            yield from self.put(target, {row: raw}, keep=False)
+            if _answers(target) or (yield from self.read(target, [row])) == [raw]:
+                return outcome
+        raise BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
 
     def give_back(self, target: KnownServo) -> Procedure[None]:
         """In endless turn the same register is an output (3-4-3)."""
@@ -279,8 +301,7 @@ class Dynamixel1(Family):
         raise cannot(target, "be rebooted", "protocol 1.0 has no such instruction; switch its power off and on")
 
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
-        if keep:
-            raise cannot(target, f"keep {', '.join(sorted(keep))}", "RESET restores everything, id and baud included")
+        self.check_reset(target, keep)
         yield from reset(target.id, answered=_answers(target))
         factory_id = target.model.register("id").default
         return target.id if factory_id is None else factory_id, target.model.factory_baud

@@ -11,9 +11,12 @@ from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Location, Register
-from servobus.core.units import show
+from servobus.core.units import deg, show
 from servobus.errors import BadValue, BusError, NoReply, Refused
 from servobus.families.base import (
+    LIMP,
+    TRIES,
+    TURNS_NO_MORE,
     Answers,
     AxisMove,
     Family,
@@ -23,6 +26,7 @@ from servobus.families.base import (
     MotionStatus,
     Reading,
     ServoRef,
+    StopOutcome,
     TorqueState,
     adjacent,
     blocks,
@@ -36,9 +40,9 @@ from servobus.families.herkulex.places import EEP, RAM
 from servobus.families.herkulex.protocol import (
     ACK,
     ACK_POLICY,
-    BOOT_TIME,
     EEP_TIME,
     FRAMING,
+    LONGEST_BOOT,
     LONGEST_PLAYTIME,
     MAX_DATA,
     MOST_I_JOG,
@@ -79,6 +83,9 @@ _COLOURS = {
     "cyan": Led.GREEN | Led.BLUE, "magenta": Led.BLUE | Led.RED, "yellow": Led.GREEN | Led.RED,
 }  # fmt: skip
 _KEEPS = {"id": Keep.ID, "baud": Keep.BAUD, "calibration": Keep.CALIBRATION}
+LOOKS, WATCH, PLAY = 3, 0.03, 0.1 * deg
+"""How often it is looked whether a shaft stands, s between two looks, and rad that count as none. Assumptions: a shaft
+without load comes to rest from full speed within them; slower than 3°/s counts as rest."""
 _TURN_PLAYTIME = 60
 """Playtime in the manual's example of infinite turn (6-5); what it does there is not said (EH-40)."""
 
@@ -92,6 +99,7 @@ class Herkulex(Family):
     driven = TorqueControl.ON
     torque_rows = ("torque_control", "torque_policy", "status_error")
     holds_outside_limits = True  # H-51
+    patience = LONGEST_BOOT
     needs = (
         "ack_policy", "baud_rate", "current_control_mode", "led_control", "max_pwm", "pwm", "status_detail",
         "status_error", "torque_control", "torque_policy",
@@ -143,7 +151,7 @@ class Herkulex(Family):
         for row, raw in values.items():
             spots = row.place.locations if keep else row.place.locations[:1]
             parts += [(spot, row.layout.pack(raw)) for spot in spots if spot[0] == RAM or row not in same]
-        yield from _send(target, parts)
+        yield from self._send(target, parts)
 
     def wears(self, register: Register[Any], *, keep: bool) -> bool:
         """EEP is written by `store`, and by `write` where RAM does not have the register."""
@@ -187,13 +195,41 @@ class Herkulex(Family):
         ack = yield from stat(target.id)
         return ack.status_detail & (StatusDetail.MOVING | StatusDetail.INPOSITION) == StatusDetail.MOVING
 
-    def stop(self, target: ServoRef) -> Procedure[None]:
-        """Send a JOG with the stop flag; beside it speed 0 or the present position, in case they count (H-82)."""
-        motion_status = yield from self.motion_status(target)
-        if motion_status.turning:
-            yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
-        else:
+    def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
+        """Send a JOG with the stop flag; beside it speed 0 or the present position, in case they count (H-82).
+
+        By default nothing answers a JOG. That it has arrived shows in the goal, which is another then, or else in the
+        shaft, which stands.
+        """
+        row = target.model.register("goal_position")
+        for _ in range(TRIES):
+            motion_status = yield from self.motion_status(target)
+            if not motion_status.torque:
+                return LIMP
+            if motion_status.turning:
+                yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
+                if (yield from self._stands(target)):
+                    return TURNS_NO_MORE
+                continue
+            if self.reachable(target, motion_status) is None:
+                return (yield from self.outside(target, motion_status))
+            before = yield from self.read(target, [row])
             yield from _jog(target, Jog(target.id, nearest(target, motion_status), stop=True))
+            if (yield from self.read(target, [row])) != before or (yield from self._stands(target)):
+                return StopOutcome(f"held at {row.show(motion_status.position)}")
+        raise BusError(f"{target} still moves: it did not take a JOG with the stop flag")
+
+    def _stands(self, target: ServoRef) -> Procedure[bool]:
+        """Compare positions until two are the same, but for the play of a shaft that is held."""
+        row = target.model.register("present_position")
+        (before,) = yield from self.read(target, [row])
+        for _ in range(LOOKS):
+            yield Pause(WATCH)
+            (after,) = yield from self.read(target, [row])
+            if abs(row.decode(after) - row.decode(before)) <= PLAY:
+                return True
+            before = after
+        return False
 
     def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
         """Torque that comes on takes the present position as its goal by itself (H-51); a speed may be kept."""
@@ -285,16 +321,10 @@ class Herkulex(Family):
 
     def reboot(self, target: KnownServo) -> Procedure[None]:
         target.record.forget()
-        try:
-            yield from reboot(target.id, answered=_answers(target))
-        except BusError:
-            yield Pause(BOOT_TIME)  # it may be on its way all the same
-            raise
-        yield Pause(BOOT_TIME)
+        yield from reboot(target.id, answered=_answers(target))
 
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
-        if unknown := keep - _KEEPS.keys():
-            raise cannot(target, f"keep {', '.join(sorted(unknown))}", f"ROLLBACK can keep {', '.join(_KEEPS)}")
+        self.check_reset(target, keep)
         id, baud = (target.model.register(name) for name in ("id", "baud_rate"))
         new_id, code = id.default, baud.default
         if "id" in keep:
@@ -306,6 +336,7 @@ class Herkulex(Family):
         kept = Keep(sum(_KEEPS[name] for name in keep))
         yield from rollback(target.id, kept, answered=_answers(target))
         yield Pause(EEP_TIME)
+        yield from self.await_eeprom(target, 0)
         yield from self.reboot(target)
         return new_id, baud.decode(code)
 
@@ -331,7 +362,7 @@ class Herkulex(Family):
         """Write one register to EEP and nowhere else, until it is there. Raises BusError if it does not get there."""
         part = row.place.locations[-1], row.layout.pack(raw)
         if target.answers is Answers.NOTHING:  # then nothing can be made sure of
-            yield from _send(target, [part])
+            yield from self._send(target, [part])
             return
         for _ in range(2):
             (kept,) = yield from self.read_stored(target, [row])
@@ -339,10 +370,28 @@ class Herkulex(Family):
                 return
             target.record.check_wear(str(target), [row])
             target.record.wrote([row])
-            yield from _send(target, [part])
+            yield from self._send(target, [part])
         (kept,) = yield from self.read_stored(target, [row])
         if kept != raw:
             raise BusError(f"{target} did not keep {row.name} = {raw}: it is {kept}")
+
+    def _send(self, target: ServoRef, parts: Iterable[tuple[Location, bytes]]) -> Procedure[None]:
+        """Write to EEP, then to RAM from the top down.
+
+        So ID and ACK Policy, RAM 0 and 1, come last: what followed them would have to go by the new ones.
+        """
+        maps: dict[str, dict[int, bytes]] = {EEP: {}, RAM: {}}
+        for (space, address), data in parts:
+            maps[space][address] = data
+        for address, data in adjacent(maps[EEP]):
+            yield from eep_write(target.id, address, data, answered=_answers(target))
+            yield from self.await_eeprom(target, len(data))
+        for address, data in reversed(adjacent(maps[RAM])):
+            new_policy = address <= ACK_POLICY < address + len(data)
+            yield from ram_write(target.id, address, data, answered=_answers(target) and not new_policy)
+            if new_policy:
+                # Whether the old or the new policy rules the ACK is an assumption (H-30): let one pass unheard.
+                yield Pause(2 * TURNAROUND)
 
     def explain(
         self,
@@ -399,24 +448,6 @@ def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequen
         n, at = found[spot]
         places.append((n, slice(at, at + row.layout.size), row.layout))
     return Reading(tuple(exchanges), tuple(places))
-
-
-def _send(target: ServoRef, parts: Iterable[tuple[Location, bytes]]) -> Procedure[None]:
-    """Write to EEP, then to RAM from the top down.
-
-    So ID and ACK Policy, RAM 0 and 1, come last: what followed them would have to go by the new ones.
-    """
-    maps: dict[str, dict[int, bytes]] = {EEP: {}, RAM: {}}
-    for (space, address), data in parts:
-        maps[space][address] = data
-    for address, data in adjacent(maps[EEP]):
-        yield from eep_write(target.id, address, data, answered=_answers(target))
-    for address, data in reversed(adjacent(maps[RAM])):
-        new_policy = address <= ACK_POLICY < address + len(data)
-        yield from ram_write(target.id, address, data, answered=_answers(target) and not new_policy)
-        if new_policy:
-            # Whether the old or the new policy rules the ACK is an assumption (H-30): let one pass unheard.
-            yield Pause(2 * TURNAROUND)
 
 
 def _answers(target: ServoRef) -> bool:

@@ -8,8 +8,12 @@ from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Register
 from servobus.core.units import Flags, deg
-from servobus.errors import BadValue, Refused
+from servobus.core.values import replace
+from servobus.errors import BadValue, BusError, Refused, UsageError
 from servobus.families.base import (
+    LIMP,
+    TRIES,
+    TURNS_NO_MORE,
     Answers,
     AxisMove,
     Family,
@@ -19,6 +23,7 @@ from servobus.families.base import (
     MotionStatus,
     Reading,
     ServoRef,
+    StopOutcome,
     TorqueState,
     cannot,
     check_output,
@@ -53,9 +58,6 @@ WATCH = 0.05
 
 FAR = 4.9 * deg
 """Way from its goal from which on a servo that stands still is taken to be blocked; assumption."""
-
-_LIMITS = (Command.SERVO_ANGLE_LIMIT_WRITE, Command.SERVO_VIN_LIMIT_WRITE)
-"""The lower value must be below the upper (points 12, 14); else the servo ignores both in silence (L-47)."""
 
 
 class Lewansoul(Family):
@@ -143,12 +145,29 @@ class Lewansoul(Family):
         after = yield from self.read(target, row)
         return before != after
 
-    def stop(self, target: ServoRef) -> Procedure[None]:
-        # First what ends a move, then the question that costs time. What command 12 does in motor mode
-        # is not said, so there the speed is set to 0.
-        yield from move_stop(target.id)
-        if (yield from self._mode(target)) == Mode.MOTOR:
-            yield from mode_write(target.id, Mode.MOTOR, 0)
+    def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
+        """Send command 12, which ends a move, then make sure: nothing answers it.
+
+        What it does in motor mode is not said, so there the speed is set to 0. Else a move to where the servo is
+        becomes its last one, and shows in command 2.
+        """
+        yield from move_stop(target.id)  # before the questions, which cost time
+        goal, speed = (target.model.register(name) for name in ("goal_position", "motor_speed"))
+        for _ in range(TRIES):
+            motion_status = yield from self.motion_status(target)
+            if motion_status.turning:
+                yield from mode_write(target.id, Mode.MOTOR, 0)
+                if (yield from self.read(target, [speed])) == [0]:
+                    return TURNS_NO_MORE if motion_status.torque else LIMP
+            elif not motion_status.torque:
+                return LIMP  # and a move may switch it on (L-69)
+            elif (here := self.reachable(target, motion_status)) is None:
+                return (yield from self.outside(target, motion_status))
+            else:
+                yield from move_time_write(target.id, here, 0)
+                if (yield from self.read(target, [goal])) == [here]:
+                    return StopOutcome(f"held at {goal.show(goal.decode(here))}")
+        raise BusError(f"{target} did not take that it is to stop")
 
     def give_back(self, target: KnownServo) -> Procedure[None]:
         """The time is a part of the last move, which is given again where it moves nothing: to a servo at its goal."""
@@ -232,10 +251,12 @@ class Lewansoul(Family):
         yield from ()  # a procedure without steps
         raise cannot(target, "be rebooted", "the protocol has no such command; switch its power off and on")
 
+    def check_reset(self, target: ServoRef, keep: frozenset[str]) -> None:  # noqa: ARG002
+        raise _no_reset(target)
+
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:  # noqa: ARG002
         yield from ()  # a procedure without steps
-        why = "the protocol has no such command; restore a backup, or set the registers one by one"
-        raise cannot(target, "be reset", why)
+        raise _no_reset(target)
 
     def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
         yield from self._set(target, {target.model.register("id"): check_id(id)})
@@ -280,12 +301,12 @@ class Lewansoul(Family):
             for register, raw in group.items():
                 data[_bytes(register)] = register.layout.pack(raw)
             parameters = values_of(command, command.params, bytes(data))
-            if command in _LIMITS and parameters[0] >= parameters[1]:
-                low, high = parameters
-                raise BadValue(f"{target}: the lower limit {low} is not below the upper one, {high} (raw)")
             yield from send(target.id, command, *parameters)
             if save and command is Command.SERVO_ANGLE_OFFSET_ADJUST:
                 yield from angle_offset_write(target.id)
+            if any(self.wears(register, keep=save) for register in group):
+                id = group.get(target.model.register("id"), target.id)
+                yield from self.await_eeprom(replace(target, id=id), len(data))
 
     def _rest(self, target: ServoRef, command: Command, group: Mapping[Register[Any], int]) -> Procedure[bytearray]:
         """Give the command's parameters as they are in the servo, or zeros where all of them are given."""
@@ -298,6 +319,11 @@ class Lewansoul(Family):
 
 LEWANSOUL = Lewansoul()
 """The one instance, which all models share."""
+
+
+def _no_reset(target: ServoRef) -> UsageError:
+    why = "the protocol has no such command; restore a backup, or set the registers one by one"
+    return cannot(target, "be reset", why)
 
 
 def _pair(register: Register[Any]) -> Pair:

@@ -16,9 +16,6 @@ from servobus.virtual.serve.spec import parse_url
 from servobus.virtual.wire.faults import Faults
 from servobus.virtual.wire.uart import EPSILON
 
-GRAIN = 200e-6
-"""s; on the real clock bytes that arrive within this time of each other are handed over in one piece."""
-
 
 class VirtualPort(Transport):
     """A rig of virtual servos as a transport. The clock starts at 0."""
@@ -29,7 +26,6 @@ class VirtualPort(Transport):
         self.name = name
         self.rig = rig
         self._real = real
-        self._tell_latency()
         self._now = 0.0
         self._started = time.monotonic()
         self._open = True
@@ -71,7 +67,7 @@ class VirtualPort(Transport):
                     return data
                 if now >= deadline:
                     return b""
-                look = self.rig.next_look(GRAIN if self._real else math.inf)
+                look = self.rig.next_look()
                 if look is not None and -math.inf < look <= now:
                     look = max(now + EPSILON, math.nextafter(now, math.inf))  # after months a bit time rounds to 0
                 now = self._wait_until(deadline if look is None else min(look, deadline))
@@ -82,6 +78,7 @@ class VirtualPort(Transport):
         with self._changed:
             self.baud = baud
             self.rig.client_baud = baud
+            self._tell_latency()
 
     def close(self) -> None:
         self._open = False
@@ -118,7 +115,7 @@ class VirtualPort(Transport):
     def _tell_latency(self) -> None:
         # A servo may be 3 % slower than the client believes; on the real clock a thread that waits may be woken late.
         own = 0.005 if self._real else 0.001
-        self.latency = own + self.rig.faults.latency + self.rig.faults.jitter  # so much an adapter's settings tell
+        self.latency = own + self.rig.handing_over  # so much an adapter's settings tell
 
     def _check(self) -> None:
         if not self._open:

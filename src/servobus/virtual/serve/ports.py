@@ -21,8 +21,6 @@ from servobus.errors import PortError
 from servobus.transports.pty import PseudoTerminal
 from servobus.virtual.serve.rig import Rig
 
-GRAIN = 200e-6
-"""s; bytes that are due within this time of each other go out in one piece."""
 PULSE = 0.02
 """s after which a request to stop is noticed, and resting servos are looked after, at the latest."""
 SPARE = 0.0005
@@ -59,7 +57,7 @@ class Port(ABC):
                 continue
             if replies := self.rig.receive(now):
                 self._send(replies)
-            look = self.rig.next_look(GRAIN)
+            look = self.rig.next_look()
             if data := self._wait(PULSE if look is None else min(max(look - now, 0), PULSE)):
                 self.rig.client_baud = self._baud()
                 self.rig.send(data, time.monotonic() - started)

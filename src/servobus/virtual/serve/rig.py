@@ -65,28 +65,17 @@ class Rig:
             return self.lines[0].receive(now)
         timed = []
         for line in self.lines:
-            for run in line.arrivals(now):
-                step = (run.end - run.start) / len(run.data)
-                timed += [(run.start + i * step, byte) for i, byte in enumerate(run.data)]
+            timed += [(run.end, run.data) for run in line.arrivals(now)]
         timed.sort(key=lambda item: item[0])  # stable: of two at once the first line's comes first
-        return bytes(byte for _, byte in timed)
+        return b"".join(data for _, data in timed)
 
     def next_event(self) -> float | None:
         """Give the time of the next thing that happens by itself; None if all is quiet."""
         return min((time for line in self.lines if (time := line.next_event()) is not None), default=None)
 
-    def next_arrival(self) -> float | None:
-        """Give the time at which the client has the last of the bytes that now come one behind the other."""
-        return min((time for line in self.lines if (time := line.next_arrival()) is not None), default=None)
-
-    def next_look(self, grain: float) -> float | None:
-        """Give the time to look again: of the next event, or up to `grain` s later if that brings a longer piece."""
-        if self._tasks:
-            return -math.inf
-        event, arrival = self.next_event(), self.next_arrival()
-        if event is None or arrival is None:
-            return event
-        return max(event, min(event + grain, arrival))
+    def next_look(self) -> float | None:
+        """Give the time to look again; None if nothing is going to happen by itself."""
+        return -math.inf if self._tasks else self.next_event()
 
     def inject(self, faults: Faults | str | None, now: float) -> None:
         """Let these faults happen from now on, instead of any others; None mends everything. Raises BadValue."""
@@ -103,6 +92,11 @@ class Rig:
     def fault_counts(self) -> Counter[str]:
         """Kind of fault -> how often it has happened since the last call of `inject`."""
         return sum((line.fault_counts for line in self.lines), Counter())
+
+    @property
+    def handing_over(self) -> float:
+        """How much later than its last bit a reply may reach the client, s, as its adapter is set."""
+        return max(line.handing_over for line in self.lines) + self.faults.jitter
 
     def gone(self, now: float) -> bool:
         """Tell whether the client's port is gone."""
@@ -137,7 +131,12 @@ def build_rig(setup: Setup) -> Rig:
         if setup.baud is not None:
             servo.store_baud(setup.baud)
         families.setdefault(servo.model.family.name, []).append(servo)
-    rig = Rig([VirtualLine(line, echo=setup.echo, supply=_supply(setup, line)) for line in families.values()])
+    rig = Rig(
+        [
+            VirtualLine(line, echo=setup.echo, supply=_supply(setup, line), adapter=setup.adapter)
+            for line in families.values()
+        ]
+    )
     rig.inject(setup.faults, 0.0)
     return rig
 

@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 from urllib.parse import parse_qsl
 
-from servobus.core.ids import LAST_ID, check_id
+from servobus.core.ids import parse_range
 from servobus.core.units import Switch, parse
 from servobus.errors import BadValue, UsageError
 from servobus.families import registry
 from servobus.families.base import Model
 from servobus.virtual.physics.motor import NOTHING, Load
+from servobus.virtual.wire.adapter import WHOLE, Adapter
 from servobus.virtual.wire.faults import NO_FAULTS, Faults
 
 Servos: TypeAlias = list[tuple[type[Model], list[int]]]
@@ -53,6 +54,7 @@ class Setup:
     supply_resistance
                  ohm between the supply and all servos of a line, which then share it; None: it is not felt
     load         what hangs on every shaft at the start
+    adapter      in which pieces the client gets what it receives
     faults       what goes wrong between the servos and the client
 
     Raises BadValue for a supply or a temperature that makes no sense.
@@ -68,6 +70,7 @@ class Setup:
     motor: str | None = None
     supply_resistance: float | None = None
     load: Load = NOTHING
+    adapter: Adapter = WHOLE
     faults: Faults = NO_FAULTS
 
     def __post_init__(self) -> None:
@@ -103,7 +106,7 @@ def parse_specs(text: str) -> Servos:
             servos.append((registry.model(name), []))
         if not servos:
             raise UsageError(f"{text!r} names no servos; write MODEL@IDS, such as {EXAMPLE}")
-        servos[-1][1].extend(_ids(ids, text))
+        servos[-1][1].extend(parse_range(ids, text))
     return servos
 
 
@@ -143,11 +146,13 @@ def _option(name: str, value: str) -> object:
             return parse(value, "ohm")
         case "load":
             return parse_load(value)
+        case "adapter":
+            return Adapter.parse(value)
         case "faults":
             return Faults.parse(value)
     raise UsageError(
         f"{name}={value}: options are clock, echo, baud, voltage, temperature, state=FILE, motor=NAME, "
-        "supply_resistance, load and faults"
+        "supply_resistance, load, adapter and faults"
     )
 
 
@@ -178,18 +183,3 @@ def _load_value(name: str, value: str) -> float:
     if number < 0 and name in _NEVER_NEGATIVE:
         raise ValueError("it cannot be negative")
     return number
-
-
-def parse_ids(text: str) -> list[int]:
-    """Read "1-4,7". Raises UsageError."""
-    return [id for part in text.replace(" ", "").split(",") for id in _ids(part, text)]
-
-
-def _ids(text: str, whole: str) -> range:
-    match = re.fullmatch(r"(\d+)(?:-(\d+))?", text)
-    if not match:
-        raise UsageError(f"{whole!r}: {text!r} is no id; ids are numbers 0 .. {LAST_ID} and ranges, such as {EXAMPLE}")
-    first, last = check_id(int(match[1])), check_id(int(match[2] or match[1]))
-    if last < first:
-        raise UsageError(f"{whole!r}: {text} runs backwards")
-    return range(first, last + 1)

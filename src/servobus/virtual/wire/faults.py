@@ -20,6 +20,7 @@ from typing import Any, Final, Self
 from servobus.core.ids import LAST_ID
 from servobus.core.units import parse
 from servobus.errors import BadValue
+from servobus.virtual.wire.adapter import USB_PACKET, Adapter
 
 SEPARATOR = re.compile(r"[,\s]+")
 _CLAUSE = re.compile(
@@ -141,6 +142,11 @@ class Faults:
 
     def __bool__(self) -> bool:
         return bool(self.faults or self.latency or self.jitter or self.skews)
+
+    @property
+    def adapter(self) -> Adapter | None:
+        """The adapter that hands over so late; None if it is to be as it is."""
+        return Adapter("usb", self.latency, USB_PACKET) if self.latency else None
 
     def skew(self, id: int) -> float:
         """Give the error of a servo's clock, as a fraction."""

@@ -14,9 +14,9 @@ from typing import Any, TypeAlias
 
 from servobus.core.framing import Decoder, Framing, Packet
 from servobus.virtual.device.servo import VirtualServo
+from servobus.virtual.wire.adapter import Delivery, Handover, plain
 from servobus.virtual.wire.faults import KINDS, Fault, Faults, Injected
-from servobus.virtual.wire.uart import EPSILON, ReceivedBytes, Transmission
-from servobus.virtual.wire.usb_delay import Delivery, UsbDelay, plain
+from servobus.virtual.wire.uart import EPSILON, Transmission
 
 Switch: TypeAlias = Callable[[Iterable[VirtualServo], float], None]
 """Switches the supply of servos at a time in s."""
@@ -52,7 +52,7 @@ class Injector:
 
     framing, name   of the family on the line; the name seeds the dice, so that two lines have different luck
     servos          those on the line; the same list that the line holds
-    wire            what is on its way to the client, in the order of time; the line's own list
+    handover        what hands over to the client what comes
     plug, unplug    what gives servos their supply, and takes it away
     now             s: faults happen from then on
     """
@@ -63,7 +63,7 @@ class Injector:
         framing: Framing,
         name: str,
         servos: Sequence[VirtualServo],
-        wire: list[Transmission],
+        handover: Handover,
         *,
         plug: Switch,
         unplug: Switch,
@@ -75,7 +75,7 @@ class Injector:
         """Kind -> how often it was brought about."""
         self._framing, self._family_name, self._servos = framing, name, servos
         self._plug_servos, self._unplug_servos = plug, unplug
-        self._adapter = UsbDelay(wire, faults.latency, now)
+        self._handover = handover
         names = list(KINDS)
         seed = f"{faults.seed}/{name}"
         dice = [Dice(fault, f"{seed}/{number}/{fault.kind}") for number, fault in enumerate(faults.faults)]
@@ -90,6 +90,7 @@ class Injector:
         self._changes: list[tuple[float, Callable[[float], None]]] = []
         """What is going to happen to servos, and when."""
         self._off: dict[Dice, list[VirtualServo]] = {}
+        """What each fault has taken the supply from, and not given back."""
         self._glued = False
         """Whether the last reply is held until the next comes."""
         self._gone: list[tuple[float, float]] = []
@@ -101,26 +102,9 @@ class Injector:
         """Give the factor by which a servo is too fast."""
         return 1 + self.faults.skew(servo.id)
 
-    # On the way to the client
-
-    def take(self, run: ReceivedBytes) -> None:
-        """Take what the receiver has received."""
-        self._adapter.take(run)
-
-    def due(self, now: float) -> list[ReceivedBytes]:
-        """Give what the client has by now and was not given yet."""
-        return self._adapter.due(now)
-
-    def together(self, run: ReceivedBytes) -> float | None:
-        """Give the time up to which these bytes reach the client one behind the other; None if that is not known."""
-        return self._adapter.together(run)
-
     def next_event(self, now: float) -> float | None:
-        """Give the time at which the client notices something next."""
-        times = [start for start, _ in self._gone if start > now]
-        if (time := self._adapter.next_event()) is not None:
-            times.append(time)
-        return min(times, default=None)
+        """Give the time at which the port goes away next."""
+        return min((start for start, _ in self._gone if start > now), default=None)
 
     def gone(self, now: float) -> bool:
         """Tell whether the port is gone now."""
@@ -157,7 +141,7 @@ class Injector:
                     if (where := alter(one, plan)) is not None:
                         self._note(one, self._replies, where, wave.start)
         if plan.late is not None:
-            self._adapter.take_late(wave.end + plan.late, plan.data)
+            self._handover.take_late(wave.end + plan.late, plan.data)
             return twins
         wave.note = plan
         return [wave, *twins]
@@ -290,6 +274,11 @@ class Injector:
 
     # Servos without supply
 
+    def heal(self, now: float) -> None:
+        """Give every servo the supply again that a fault took."""
+        for one in list(self._off):
+            self._give_back(one, now)
+
     def change(self, until: float) -> bool:
         """Let the next thing happen to the servos that is due by then; False if there is none."""
         if not self._changes or self._changes[0][0] > until:
@@ -319,7 +308,7 @@ class Injector:
         if number == which.first:
             self._cut(one, number, time, math.inf if outage is None else outage)
         elif number == which.last + 1 and outage is None:
-            self._at(time, lambda now: self._plug_servos(self._off.pop(one, []), now))
+            self._at(time, lambda now: self._give_back(one, now))
 
     def _cut(self, one: Dice, number: int, time: float, outage: float) -> None:
         """Take the supply from servos at this time, for so many s."""
@@ -329,14 +318,21 @@ class Injector:
             servos = [servo for servo in self._servos if servo.powered and low <= servo.id <= high]
             if one.fault.probability < 1 and servos:
                 servos = [one.random.choice(servos)]
-            self._off[one] = servos
+            self._off.setdefault(one, []).extend(servos)
             self._unplug_servos(servos, now)
             if outage < math.inf:
-                self._at(now + outage, lambda now: self._plug_servos(servos, now))
+                self._at(now + outage, lambda now: self._give_back(one, now, servos))
             if servos:
                 self._note(one, number, f"ids {', '.join(str(servo.id) for servo in servos)}", now)
 
         self._at(time, cut)
+
+    def _give_back(self, one: Dice, now: float, some: Sequence[VirtualServo] | None = None) -> None:
+        """Give servos the supply again that this fault took: these, or all of them."""
+        off = self._off.get(one, [])
+        servos = [servo for servo in off if some is None or servo in some]
+        self._off[one] = [servo for servo in off if servo not in servos]
+        self._plug_servos(servos, now)
 
     def _at(self, time: float, act: Callable[[float], None]) -> None:
         bisect.insort(self._changes, (time, act), key=lambda change: change[0])

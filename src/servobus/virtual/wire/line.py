@@ -22,6 +22,7 @@ from servobus.core.ids import BROADCAST
 from servobus.errors import UsageError
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.physics.shaft import Rail
+from servobus.virtual.wire.adapter import WHOLE, Adapter, Handover
 from servobus.virtual.wire.faults import Faults, Injected
 from servobus.virtual.wire.injector import Injector
 from servobus.virtual.wire.uart import BITS, EPSILON, ReceivedBytes, Receiver, Transmission
@@ -35,10 +36,18 @@ class VirtualLine:
 
     `echo` tells whether the client hears what it sends. `client_baud` is its speed in bit/s; None means
     that it has none (TCP), is always understood and understands everything. `supply` is one that all servos share;
-    without it each has its own, which nothing pulls down.
+    without it each has its own, which nothing pulls down. `adapter` says in which pieces the client gets what it
+    receives.
     """
 
-    def __init__(self, servos: Iterable[VirtualServo], *, echo: bool = False, supply: Rail | None = None) -> None:
+    def __init__(
+        self,
+        servos: Iterable[VirtualServo],
+        *,
+        echo: bool = False,
+        supply: Rail | None = None,
+        adapter: Adapter = WHOLE,
+    ) -> None:
         self.servos = list(servos)
         if not self.servos:
             raise UsageError("a line needs at least one servo")
@@ -48,6 +57,7 @@ class VirtualLine:
             raise UsageError(f"one line carries one family, not {titles}")
         self.family = self.servos[0].model.family
         self.echo = echo
+        self.adapter = adapter
         self.supply = supply
         if supply is not None:
             for servo in self.servos:
@@ -56,6 +66,7 @@ class VirtualLine:
         self._to_servos: list[Transmission] = []
         self._to_client: list[Transmission] = []
         self._client = Receiver(None, self.now)
+        self._handover = Handover(adapter, self._to_client, self.now)
         self._client_busy_until = self.now
         self._busy: dict[VirtualServo, float] = {}
         """Servo -> time at which it has sent its last reply."""
@@ -111,38 +122,30 @@ class VirtualLine:
         times = [time for time, _, _ in self._due()]
         if self._arrived:
             times.append(self.now)
-        elif (first := self._first_arrival()) is not None:
-            times.append(first)
+        elif (time := self._handover.next_event(self._client.next_run(self._to_client))) is not None:
+            times.append(time)
         if self._injector and (time := self._injector.next_event(self.now)) is not None:
             times.append(time)
         return min(times, default=None)
-
-    def next_arrival(self) -> float | None:
-        """Give the time at which the client has the last of the bytes that now come one behind the other."""
-        arriving = self._client.next_run(self._to_client)
-        if arriving and self._injector:
-            return self._injector.together(arriving)
-        return arriving.end if arriving else None
-
-    def _first_arrival(self) -> float | None:
-        arriving = self._client.next_run(self._to_client)
-        if arriving is None:
-            return None
-        return arriving.start + (arriving.end - arriving.start) / len(arriving.data)
 
     # What goes wrong
 
     def inject(self, faults: Faults, now: float) -> None:
         """Let these faults happen from now on, instead of any others; what they hold back is lost."""
         self.run(now)
+        if self._injector:
+            self._injector.heal(now)
         self._injector = None
+        handover = Handover(faults.adapter or self.adapter, self._to_client, now)
+        handover.follow(self._handover)
+        self._handover = handover
         if faults:
             self._injector = Injector(
                 faults,
                 self.family.framing,
                 self.family.name,
                 self.servos,
-                self._to_client,
+                handover,
                 plug=self.plug,
                 unplug=self.unplug,
                 now=now,
@@ -158,6 +161,11 @@ class VirtualLine:
     def fault_counts(self) -> Counter[str]:
         """Kind of fault -> how often it has happened since the last call of `inject`."""
         return self._injector.counts if self._injector else Counter()
+
+    @property
+    def handing_over(self) -> float:
+        """How much later than its last bit a reply may reach the client, s, as its adapter is."""
+        return self._handover.adapter.delay(self.client_baud)
 
     def gone(self, now: float) -> bool:
         """Tell whether the client's port is gone."""
@@ -198,12 +206,8 @@ class VirtualLine:
                 self._hear(group, run)
         while run := self._client.next_run(self._to_client, until=now):
             self._client.since = run.resume
-            if self._injector:
-                self._injector.take(run)
-            else:
-                self._arrived.append(run)
-        if self._injector:
-            self._arrived += self._injector.due(now)
+            self._handover.take(run)
+        self._arrived += self._handover.due(now)
         self._live(now)
         if self._to_servos:
             _forget(self._to_servos, min(group.receiver.since for group in self._groups.values()), now)

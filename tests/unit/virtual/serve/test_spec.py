@@ -3,10 +3,11 @@ from pathlib import Path
 
 import pytest
 
+from servobus.core.ids import parse_ids
 from servobus.errors import BadValue, UnknownName, UsageError
 from servobus.families.registry import LX16A, RX28
 from servobus.virtual.physics.motor import Load
-from servobus.virtual.serve.spec import Setup, parse_ids, parse_load, parse_specs, parse_url
+from servobus.virtual.serve.spec import Setup, parse_load, parse_specs, parse_url
 
 
 def test_models_with_ids_and_ranges() -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from samples import sample_of
+from samples import one_model_of_each_family, sample_of
 from servobus.errors import BadValue, PortLost
 from servobus.families.registry import DRS0602
 from servobus.virtual.serve.inprocess import VirtualPort, connect
@@ -508,3 +508,53 @@ def test_the_page_has_them_all() -> None:
     page = (Path(__file__).parents[4] / "docs" / "virtual.md").read_text(encoding="utf-8")
     section = page.partition("## A line with faults")[2].partition("## In tests")[0]
     assert set(re.findall(r"^\| `(\w+)", section, re.MULTILINE)) == {*KINDS, *SETTINGS}
+
+
+# All is well again
+
+
+def alive(client: VirtualPort) -> list[int]:
+    """Give the ids of the servos that have their supply."""
+    return [servo.id for servo in client.servos if servo.powered]
+
+
+@pytest.mark.parametrize(
+    "faults", ["unplug@3-4", "unplug@3-4#1-", "unplug@3#1s-", "reboot@3-4#1:10s", "unplug=1", "unplug@3-4:10s"]
+)
+@one_model_of_each_family
+def test_N17_without_faults_all_servos_are_plugged_in_again(key: str, faults: str) -> None:
+    client = connect(f"virtual:{key}@1-4?clock=virtual")
+    framing = client.rig.lines[0].family
+    client.inject(faults)
+    client.write(framing.ping(1).request)
+    client.sleep(2.0)
+    assert len(alive(client)) < 4
+    client.inject(None)
+    assert alive(client) == [1, 2, 3, 4]
+    for id in range(1, 5):
+        assert ask(client, framing.ping(id).request)
+
+
+def test_N17_other_faults_heal_those_before() -> None:
+    client = port("unplug@1", "rx28@1-2")
+    ask(client)
+    assert alive(client) == [2]
+    client.inject("drop#1000")
+    assert alive(client) == [1, 2]
+
+
+def test_N17_what_is_unplugged_for_a_time_comes_back() -> None:
+    client = port("unplug@3-4:1ms", "rx28@1-4")
+    client.write(PING)
+    assert alive(client) == [1, 2]
+    client.sleep(0.0015)
+    assert alive(client) == [1, 2, 3, 4]
+
+
+def test_N17_healing_leaves_alone_what_a_person_unplugged() -> None:
+    client = port("unplug@1", "rx28@1-3")
+    client.rig.lines[0].unplug([client.servos[2]], client.now())
+    ask(client)
+    assert alive(client) == [2]
+    client.inject(None)
+    assert alive(client) == [1, 2]

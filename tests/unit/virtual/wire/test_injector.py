@@ -9,6 +9,7 @@ import pytest
 
 from servobus.families.registry import RX28
 from servobus.virtual.device.servo import VirtualServo, virtual_servo
+from servobus.virtual.wire.adapter import WHOLE, Handover
 from servobus.virtual.wire.faults import Faults
 from servobus.virtual.wire.injector import Injector
 from servobus.virtual.wire.uart import ReceivedBytes, Transmission
@@ -35,14 +36,17 @@ def injector(faults: str, *ids: int, supply: Supply | None = None, now: float = 
     supply = supply or Supply()
     servos = [virtual_servo(RX28, id) for id in ids or (1,)]
     framing = RX28.family.framing
-    return Injector(Faults.parse(faults), framing, name, servos, [], plug=supply.plug, unplug=supply.unplug, now=now)
+    handover = Handover(WHOLE, [], now)
+    return Injector(
+        Faults.parse(faults), framing, name, servos, handover, plug=supply.plug, unplug=supply.unplug, now=now
+    )
 
 
 def delivered(injector: Injector, *waves: Transmission) -> bytes:
     """Give what the client gets of these transmissions, received without a mistake."""
     for wave in waves:
-        injector.take(ReceivedBytes(wave.data, wave.start, wave.end, wave.end, from_servo=True, wave=wave))
-    return b"".join(run.data for run in injector.due(10.0))
+        injector._handover.take(ReceivedBytes(wave.data, wave.start, wave.end, wave.end, from_servo=True, wave=wave))
+    return b"".join(run.data for run in injector._handover.due(10.0))
 
 
 def reply(injector: Injector, start: float = 1.0) -> bytes:

@@ -11,6 +11,7 @@ from servobus.errors import UsageError
 from servobus.families.base import Model
 from servobus.families.registry import DRS0602, LX16A, RX28
 from servobus.virtual.device.servo import Replies, VirtualServo, virtual_servo
+from servobus.virtual.wire.adapter import Adapter
 from servobus.virtual.wire.line import VirtualLine
 
 PING = bytes.fromhex("FF FF 01 02 01 FB")
@@ -47,8 +48,10 @@ class Parrot(VirtualServo):
         pass
 
 
-def line(servos: Sequence[VirtualServo], *, echo: bool = False, baud: float | None = 1e6) -> VirtualLine:
-    made = VirtualLine(servos, echo=echo)
+def line(
+    servos: Sequence[VirtualServo], *, echo: bool = False, baud: float | None = 1e6, adapter: str = "none"
+) -> VirtualLine:
+    made = VirtualLine(servos, echo=echo, adapter=Adapter.parse(adapter))
     made.client_baud = baud
     return made
 
@@ -70,11 +73,12 @@ def test_bytes_take_their_time() -> None:
     assert wire.next_event() is None
 
 
-def test_how_time_is_cut_makes_no_difference() -> None:
+@pytest.mark.parametrize("adapter", ["none", "whole", "usb:1ms", "fifo:8"])
+def test_how_time_is_cut_makes_no_difference(adapter: str) -> None:
     def talk(cuts: list[float]) -> tuple[bytes, list[tuple[float, Packet | Corrupt]]]:
         servos = [Parrot(1, [(50e-6, bytes(range(40)))]), Parrot(2, [(80e-6, b"\xf0" * 30)], baud=0.97e6)]
         servos.append(Parrot(1, [(300e-6, b"\x33" * 9)], baud=500_000))
-        wire = line(servos)
+        wire = line(servos, adapter=adapter)
         plan = {0.0: PING + PING_2, 200e-6: PING, 0.001: PING_2[:3], 0.2: PING}
         heard = b""
         for now in sorted({*cuts, *plan, 1.0}):

@@ -5,9 +5,11 @@ from servobus.core.units import Count, Flags, Quantity, Switch, deg, rpm
 from servobus.families.dynamixel.places import Address
 from servobus.families.dynamixel.protocol import BAUD, Error
 from servobus.families.dynamixel.verbs import DYNAMIXEL1
-from servobus.families.model import Model, Performance, SpecSheet
+from servobus.families.model import VOLTAGE_LIMITS, LimitPair, Model, Performance, SpecSheet
 
 EEPROM, READ, RESERVED = Area.EEPROM, Access.READ, Access.RESERVED
+U10 = Int(2, bits=10)
+"""A value of 0 .. 1023: the upper six bits of its two bytes are 0 (manual 3-4)."""
 KGF_CM = 0.0980665
 """One kgf·cm in N·m."""
 
@@ -48,6 +50,7 @@ class RX28(Model):
     speed = Quantity("rad/s", 0.111 * rpm)
     share = Quantity("1", 1 / 1023)
     turn_scale = share
+    limit_pairs = (LimitPair("min_position", "max_position", both_zero=True), VOLTAGE_LIMITS)  # 3-4-3: endless turn
     volts = Quantity("V", 0.1)
     celsius = Quantity("degC", 1.0)
     errors = Flags(Error)
@@ -64,11 +67,11 @@ class RX28(Model):
         note="ED-08: 500 µs as in 3-4-1, not the 160 µs of the appendix",
     )  # fmt: skip
     cw_angle_limit = Register(
-        Address(6), U16, angle, "lowest goal position; 0 with the other limit 0 is endless turn",
+        Address(6), U10, angle, "lowest goal position; 0 with the other limit 0 is endless turn",
         default=0, limits=(0, 1023), area=EEPROM, motion=Motion.LIMIT,
     )  # fmt: skip
     ccw_angle_limit = Register(
-        Address(8), U16, angle, "highest goal position; 0 with the other limit 0 is endless turn",
+        Address(8), U10, angle, "highest goal position; 0 with the other limit 0 is endless turn",
         default=1023, limits=(0, 1023), area=EEPROM, motion=Motion.LIMIT,
     )  # fmt: skip
     reserved_10 = Register(
@@ -94,7 +97,7 @@ class RX28(Model):
     )  # fmt: skip
     max_torque = Register(
         Address(14),
-        U16,
+        U10,
         share,
         "torque limit at power-on; 0 is free run",
         default=1023,
@@ -141,7 +144,7 @@ class RX28(Model):
         default=32, limits=(1, 254), note="ED-13, ED-17",
     )  # fmt: skip
     goal_position = Register(
-        Address(30), U16, angle, "target position", limits=(0, 1023), volatile=True, motion=Motion.GOAL
+        Address(30), U10, angle, "target position", limits=(0, 1023), volatile=True, motion=Motion.GOAL
     )
     moving_speed = Register(
         Address(32), Int(2, sign_bit=10), speed,
@@ -150,10 +153,10 @@ class RX28(Model):
         note="ED-14: bit 10, the direction, is accepted in endless turn only",
     )  # fmt: skip
     torque_limit = Register(
-        Address(34), U16, share, "torque limit in use; starts as max_torque, 0 after a shutdown", limits=(0, 1023),
+        Address(34), U10, share, "torque limit in use; starts as max_torque, 0 after a shutdown", limits=(0, 1023),
         volatile=True, motion=Motion.STRENGTH, note="ED-29",
     )  # fmt: skip
-    present_position = Register(Address(36), U16, angle, "position", access=READ)
+    present_position = Register(Address(36), U10, angle, "position", access=READ)
     present_speed = Register(
         Address(38), Int(2, sign_bit=10), speed, "speed; negative is clockwise", access=READ,
         note="ED-15: direction in bit 10, as in present_load",
@@ -186,7 +189,7 @@ class RX28(Model):
         default=0, limits=(0, 1), note="ED-21",
     )  # fmt: skip
     punch = Register(
-        Address(48), U16, share, "lowest torque inside the compliance slope", default=32, limits=(0, 1023),
+        Address(48), U10, share, "lowest torque inside the compliance slope", default=32, limits=(0, 1023),
     )  # fmt: skip
 
     # The names that all families share, see servobus.families.model.

@@ -1,6 +1,6 @@
 """DRS-0602. Source: DRS-0602 user's manual, sections 2-3 (specification) and 4-2 (register map, NO 1 to 60)."""
 
-from servobus.core.registers import S8, S16, U8, U16, Access, Motion, Register
+from servobus.core.registers import S8, S16, U8, U16, Access, Int, Motion, Register
 from servobus.core.units import Choice, Count, Flags, Quantity, deg, ms
 from servobus.families.base import Answers
 from servobus.families.herkulex.places import Eep, EepRam, Ram
@@ -19,6 +19,8 @@ from servobus.families.herkulex.verbs import HERKULEX
 from servobus.families.model import Model, Performance, SpecSheet
 
 READ, RESERVED = Access.READ, Access.RESERVED
+POSITION = Int(2, flags=0x8000)
+"""A position of 15 bits. Bit 15 is a flag of the servo's own; the maker's PC tool masks it off with 0x7FFF."""
 GAIN = (0, 32767)
 PERIOD = (0, 254)
 
@@ -210,9 +212,11 @@ class DRS0602(Model):
     status_detail = Register(
         Ram(49), U8, Flags(StatusDetail), "causes of invalid packets, to be cleared; moving, inposition, torque on",
         default=0, limits=(0, 0x7F), volatile=True, latched=True,
+        live=StatusDetail.MOVING | StatusDetail.INPOSITION | StatusDetail.TORQUE_ON,
     )  # fmt: skip
     aux_1 = Register(
         Ram(50), U8, Choice(Aux), "sets absolute_position anew", default=0, limits=(0, 6), volatile=True,
+        live=0xFF,  # it is 0 again as soon as that is done
         motion=Motion.ZERO,
     )  # fmt: skip
     reserved_46 = Register(Ram(51), U8, Count(), "reserved, NO 46", default=0, access=RESERVED)
@@ -238,10 +242,10 @@ class DRS0602(Model):
     )  # fmt: skip
     tick = Register(Ram(57), U8, ticks, "running time, wraps after 2.87 s", access=READ)
     calibrated_position = Register(
-        Ram(58), U16, angle, "position less calibration_difference", access=READ,
+        Ram(58), POSITION, angle, "position less calibration_difference", access=READ,
         note="EH-09: 0° is 16384, as in the maker's PC tool; the manual's formula counts from -180°",
     )  # fmt: skip
-    absolute_position = Register(Ram(60), U16, angle, "position", access=READ, note="EH-09")
+    absolute_position = Register(Ram(60), POSITION, angle, "position", access=READ, note="EH-09")
     differential_position = Register(
         Ram(62), S16, turn_scale, "speed", access=READ, note="EH-35: signed, as other drivers read it"
     )
@@ -253,10 +257,10 @@ class DRS0602(Model):
         note="its zero, 1024, is from another driver; the manual gives none",
     )  # fmt: skip
     absolute_goal_position = Register(
-        Ram(68), U16, angle, "goal, uncalibrated; a JOG sets it", limits=(0, 32767), access=READ
+        Ram(68), POSITION, angle, "goal, uncalibrated; a JOG sets it", limits=(0, 32767), access=READ
     )
     absolute_desired_trajectory_position = Register(
-        Ram(70), U16, angle, "where the profile is now, uncalibrated", access=READ
+        Ram(70), POSITION, angle, "where the profile is now, uncalibrated", access=READ
     )
     desired_velocity = Register(
         Ram(72), S16, Quantity("rad/s", 0.034 * deg), "speed of the profile now", default=0, access=READ,

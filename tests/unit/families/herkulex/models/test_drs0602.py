@@ -2,7 +2,7 @@
 
 import pytest
 
-from servobus.core.registers import Access, Area, Int
+from servobus.core.registers import Access, Area
 from servobus.core.units import deg
 from servobus.errors import BadValue
 from servobus.families.base import Answers
@@ -88,7 +88,7 @@ def test_row(line: list[str]) -> None:
     else:
         place = EepRam(int(eep), int(ram))
     assert row.place == place
-    assert row.layout == Int(int(layout[1]), signed=layout[0] == "s")
+    assert (row.layout.size, row.layout.signed) == (int(layout[1]), layout[0] == "s")
     assert row.default == number(default)
     assert row.access is (Access.READ if access == "RO" else Access.READ_WRITE)
     assert row.area is (Area.RAM if eep == "-" else Area.EEPROM)
