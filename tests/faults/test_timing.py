@@ -60,8 +60,8 @@ def test_F7_an_adapter_that_stands_still_never_gives_an_old_value(key: str, stal
 @pytest.mark.parametrize("late", ["3ms", "15ms", "50ms"])
 def test_F7_a_reply_that_others_overtake_is_never_the_answer(key: str, late: str, driver: str) -> None:
     """Single replies held back while others pass, which no adapter does: none is taken for an answer, or it is told
-    with the next exchange that there were two."""
-    rig = FaultRig(key, driver, ids="1")
+    with the next exchange that there were two. That the servo answers before the next request is sent is part of it."""
+    rig = FaultRig(key, driver, ids="1", options="&as=manual")
     for _ in range(100):
         rig.try_position()
     rig.inject(f"seed=7,{','.join(f'late#{number}:{late}' for number in range(10, 300, 40))}")

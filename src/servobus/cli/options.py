@@ -14,6 +14,7 @@ import click
 import servobus
 from servobus import Bus, BusServo
 from servobus.cli.app import Verb
+from servobus.core.arguments import check_baud
 from servobus.core.ids import LAST_ID, check_id, parse_ids
 from servobus.core.units import parse
 from servobus.errors import BadValue, NoReply, ServobusError, UnknownName, UsageError
@@ -119,9 +120,7 @@ class BaudType(click.ParamType[int | Literal["all"]]):
             baud = int(value)
         except ValueError:
             self.fail(f"{value!r} is neither a number of baud nor `all`", param, ctx)
-        if not 1 <= baud <= 4_000_000:
-            raise BadValue(f"{baud} is not a speed in baud")
-        return baud
+        return check_baud(baud)
 
 
 class UnitType(click.ParamType[float]):
@@ -309,9 +308,7 @@ def check_to_limit(to_limit: bool, speed: float | None) -> None:
 
 
 def open_port(port: str) -> Bus:
-    """Open a port, for `with`. Raises BadValue if its name is empty."""
-    if not port.strip():
-        raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
+    """Open a port, for `with`."""
     return servobus.open(port)
 
 

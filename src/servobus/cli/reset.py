@@ -48,7 +48,7 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
         except UsageError:
             path.unlink()  # refused before anything was sent: there is nothing to undo
             raise
-    click.echo(f"{saved.model.title} id {id} is reset: id {servo.id} at {servo.baud} baud now")
+    click.echo(f"{saved.model.named(f'id {id}')} is reset: id {servo.id} at {servo.baud} baud now")
     click.echo(f"its settings before are in {path}; to undo:")
     click.echo(f"  {command_for(servo, where, 'restore', port, servo.id, shlex.quote(str(path)))}")
     if servo.id != id:

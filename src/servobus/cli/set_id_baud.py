@@ -19,7 +19,7 @@ def set_id(port: str, where: Where, old: int, new: int) -> None:
     with open_port(port) as bus:
         servo = find(bus, where, old)
         servo.change_id(new)
-        click.echo(f"{servo.model.title} id {old} is now id {new}")
+        click.echo(f"{servo.model.named(f'id {old}')} is now id {new}")
 
 
 @verb("set-baud", "servobus set-baud /dev/ttyUSB0 1 1000000", "servobus set-baud /dev/ttyUSB0 1 57600 --baud all")

@@ -187,7 +187,7 @@ def _real_response(
             while (moment := time.monotonic() - begin) < seconds:
                 samples.append(Sample(moment, servo.read(row)))
             servo.move(here, speed=RETURN_SPEED).wait()
-    return Response(here, goal, tuple(samples), servo.model.sheet.resolution), f"{servo.target} on {port}"
+    return Response(here, goal, tuple(samples), row.scale.decode(1) - row.scale.decode(0)), f"{servo.target} on {port}"
 
 
 def _ask_limits(servo: BusServo, here: float) -> tuple[float, float]:

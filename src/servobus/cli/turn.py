@@ -19,6 +19,7 @@ from servobus.cli.output import note, warn_alarms
 from servobus.cli.stop import stop_all
 from servobus.core.units import show
 from servobus.errors import BadValue, UsageError
+from servobus.families.base import require_model
 
 
 @verb(
@@ -49,6 +50,8 @@ def turn(
     """
     if [output is not None, speed is not None, end].count(True) != 1:
         raise click.UsageError("say one of --output, --speed and --end")
+    if output is not None and abs(output) > 1:
+        raise click.BadParameter(f"{100 * output:g} % is not in -100 .. 100", param_hint="--output")
     if limits is not None and not end:
         raise click.UsageError("--limits goes with --end")
     with open_port(port) as bus, sigterm_as_interrupt():
@@ -72,6 +75,7 @@ def _check_limits(servo: BusServo, low: float, high: float) -> None:
 
 
 def _check_option(servo: BusServo, speed: float | None) -> None:
+    require_model(servo.target, "turn without end")
     if servo.model.turns_at_speed() and speed is None:
         raise UsageError(f"{servo.target} controls the speed at which it turns: give --speed DEG/S")
     if speed is not None and not servo.model.turns_at_speed():

@@ -16,9 +16,9 @@ from functools import partial
 from numbers import Integral
 from typing import Any, ClassVar, Generic, Literal, TypeAlias, TypeVar
 
-from servobus.core.units import Quantity, Scale, Switch
+from servobus.core.units import Quantity, Raw, Scale, Switch
 from servobus.core.values import frozen, replace
-from servobus.errors import BadReading, BadValue
+from servobus.errors import BadReading, BadValue, UsageError
 
 T = TypeVar("T")
 
@@ -270,6 +270,11 @@ class Register(Generic[T]):
     def check(self, raw: int) -> int:
         """Give the raw value back, or raise BadValue if this register must not be given it."""
         if not self.writable:
+            if isinstance(self.scale, Raw):
+                raise BadValue(
+                    f"{self.model}: {self.name} can only be read as long as the model is not known, for its unit "
+                    "differs from model to model; --model, models= or attach() tells the model"
+                )
             raise BadValue(f"{self.model} {self.name} can only be read")
         given: object = raw
         if type(given) is not int:
@@ -350,6 +355,16 @@ class Register(Generic[T]):
         except ValueError:
             return f"raw {raw}"
         return shown if shown == str(raw) else f"{shown} (raw {raw})"
+
+
+def register_name(register: "Register[Any] | str") -> str:
+    """Give the name that stands for a register on every model. Raises UsageError for what is neither."""
+    given: object = register
+    if isinstance(given, Register):
+        return given.name
+    if not isinstance(given, str):
+        raise UsageError(f"{given!r:.60} is no register: give one such as RX28.present_position, or its name")
+    return given
 
 
 def check_row(row: Register[Any]) -> None:

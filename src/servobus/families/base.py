@@ -11,7 +11,7 @@ from typing import Any, ClassVar, TypeVar
 from servobus.core.exchange import Exchange, Now, Pause, Procedure, ReplyPattern, told
 from servobus.core.framing import Framing, Packet
 from servobus.core.registers import Area, Int, Register
-from servobus.core.units import deg
+from servobus.core.units import deg, finite, said
 from servobus.core.values import frozen
 from servobus.errors import BadValue, BusError, NoReply, ServobusError, UsageError
 from servobus.families.change import before_told, check_pairs, pairs_touched
@@ -52,11 +52,14 @@ __all__ = [
     "check_output",
     "fetch",
     "policy_register",
+    "require_model",
     "within",
 ]
 
 T = TypeVar("T")
 
+TELL_MODEL = "say which it is: --model MODEL, models={id: MODEL} or attach(MODEL, id)"
+"""The remedy for a servo whose model is not known."""
 ASK_AGAIN = 0.02
 """s between two questions to a servo that does not answer yet."""
 TRIES = 3
@@ -559,9 +562,10 @@ def fetch(reading: Reading) -> Procedure[list[int]]:
 
 def check_output(output: float) -> float:
     """Give a share of full output back, or raise BadValue."""
-    if not -1 <= output <= 1:
-        raise BadValue(f"output {output} is not in -1 .. 1")
-    return output
+    share = finite(output)
+    if share is None or not -1 <= share <= 1:
+        raise BadValue(f"output {said(output)} is not a share of full output, -1 .. 1")
+    return share
 
 
 def policy_register(model: type[Model]) -> Register[Any] | None:
@@ -572,6 +576,14 @@ def policy_register(model: type[Model]) -> Register[Any] | None:
 def cannot(target: ServoRef, what: str, why: str) -> UsageError:
     """Make the error for a verb that a family does not have."""
     return UsageError(f"{target} cannot {what}: {why}")
+
+
+def require_model(target: ServoRef, what: str) -> None:
+    """Raise UsageError if it is not known what an angle is on this servo, for its model is not known."""
+    if target.model.unscaled("goal_position"):
+        raise UsageError(
+            f"{target} cannot {what} as long as its model is not known, for each model has its own units; {TELL_MODEL}"
+        )
 
 
 def blocks(spans: Iterable[tuple[int, int]], *, gap: int, longest: int) -> list[tuple[int, int]]:

@@ -24,7 +24,7 @@ class ServoRef:
     answers: Answers
 
     def __str__(self) -> str:
-        return f"{self.model.title} id {self.id}"
+        return self.model.named(f"id {self.id}")
 
 
 @frozen
@@ -55,4 +55,4 @@ class KnownServo(ServoRef):
         return object.__hash__(self)
 
     def __str__(self) -> str:
-        return f"{self.model.title} id {self.id}"
+        return self.model.named(f"id {self.id}")

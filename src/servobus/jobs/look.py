@@ -1,7 +1,9 @@
 """Looking at one servo: what it is, where it is, and whether it restarted."""
 
+import math
+
 from servobus.core.exchange import Procedure, SetBaud
-from servobus.core.units import show
+from servobus.core.units import Raw, show
 from servobus.core.values import frozen
 from servobus.errors import Restarted
 from servobus.families.base import Family, Identity, KnownServo, ServoRef, TorqueState
@@ -9,7 +11,7 @@ from servobus.families.base import Family, Identity, KnownServo, ServoRef, Torqu
 
 @frozen
 class Snapshot:
-    """What one wants to see of a servo first."""
+    """What one wants to see of a servo first. NaN stands where the model, and so the unit, is not known."""
 
     position: float
     """rad"""
@@ -21,19 +23,31 @@ class Snapshot:
     """Whether it is driven."""
     shutdown: str = ""
     """What keeps its torque off until it is rearmed; "" if nothing does."""
+    raw: tuple[int, int, int] | None = None
+    """The raw values of the first three, where one of them has no unit."""
 
     def __str__(self) -> str:
-        torque = TorqueState(self.torque, self.shutdown)
-        return f"{show(self.position, 'rad')}, {show(self.voltage, 'V')}, {show(self.temperature, 'degC')}, {torque}"
+        values = ((self.position, "rad", "position"), (self.voltage, "V", "supply"), (self.temperature, "degC", "heat"))
+        raws = self.raw or (0, 0, 0)
+        said = [
+            f"{what} {raw} (raw)" if math.isnan(value) else show(value, unit)
+            for (value, unit, what), raw in zip(values, raws, strict=True)
+        ]
+        return f"{', '.join(said)}, {TorqueState(self.torque, self.shutdown)}"
 
 
 def look(target: ServoRef) -> Procedure[Snapshot]:
     """Read position, voltage, temperature and torque."""
     family, shown = target.model.family, ("present_position", "present_voltage", "present_temperature")
     raw = yield from family.read_values(target, dict.fromkeys((*shown, *family.torque_rows)))
-    position, voltage, temperature = (target.model.register(name).decode(raw[name]) for name in shown)
     torque = family.torque_state(raw)
-    return Snapshot(position, voltage, temperature, torque.on, torque.shutdown)
+    rows = {name: target.model.register(name) for name in shown}
+    position, voltage, temperature = (
+        math.nan if isinstance(row.scale, Raw) else row.decode(raw[name], target) for name, row in rows.items()
+    )
+    first, second, third = (raw[name] for name in shown)
+    without_unit = (first, second, third) if target.model.unscaled(*shown) else None
+    return Snapshot(position, voltage, temperature, torque.on, torque.shutdown, without_unit)
 
 
 def identify_at(family: Family, id: int, baud: int) -> Procedure[Identity]:

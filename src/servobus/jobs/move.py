@@ -6,10 +6,11 @@ from contextlib import suppress
 from numbers import Real
 from typing import NoReturn
 
+from servobus.core.arguments import check_above_0
 from servobus.core.exchange import Now, Pause, Procedure, SetBaud
-from servobus.core.units import deg, show
+from servobus.core.units import deg, finite, said, show
 from servobus.errors import BadValue, BusError, MoveTimeout, ServobusError, Stopped, TorqueOff, UsageError
-from servobus.families.base import AxisMove, KnownServo, ServoRef
+from servobus.families.base import AxisMove, KnownServo, ServoRef, require_model
 from servobus.families.motion import check_goal, inside_limits, no_torque, raw_position
 from servobus.jobs.make_safe import stop, stop_all
 
@@ -108,8 +109,8 @@ def plan(
     if time is not None and speed is not None:
         raise BadValue("a move takes either a time or a speed, not both")
     for name, value in (("time", time), ("speed", speed)):
-        if value is not None and not (_is_number(value) and 0 < value < math.inf):
-            raise BadValue(f"{name} {value!r} is not a number above 0")
+        if value is not None:
+            check_above_0(name, value)
 
     raw = {target: raw_goal(target, angle) for target, angle in goals.items()}
     distances: dict[KnownServo, float] = {}
@@ -201,9 +202,11 @@ def require_torque(move: PlannedMove) -> None:
 
 
 def raw_goal(target: ServoRef, angle: float) -> int:
-    """Turn an angle into a raw goal the model can take. Raises BadValue."""
-    if not _is_number(angle):
-        raise BadValue(f"{target}: {angle!r} is not a number; an angle is in radians, such as 90 * deg")
+    """Turn an angle into a raw goal the model can take. Raises BadValue, UsageError if the model is not known."""
+    require_model(target, "be moved to an angle")
+    given: object = angle
+    if not isinstance(given, Real):
+        raise BadValue(f"{target}: {said(angle)} is not a number; an angle is in radians, such as 90 * deg")
     row = target.model.register("goal_position")
     try:
         raw = row.scale.encode(angle)
@@ -220,11 +223,6 @@ def raw_goal(target: ServoRef, angle: float) -> int:
     return raw
 
 
-def _is_number(value: object) -> bool:
-    """Tell whether a value, of a caller without type checks, can be reckoned with."""
-    return isinstance(value, Real)
-
-
 def wait_arrival(move: PlannedMove, *, timeout: float | None = None, tolerance: float = 3 * deg) -> Procedure[None]:
     """Wait until all servos of a move stand still near their goals, and send its later legs meanwhile.
 
@@ -235,8 +233,8 @@ def wait_arrival(move: PlannedMove, *, timeout: float | None = None, tolerance: 
     A move that fails is given up: all servos that can be reached stay where they are, and the error says so. It fails
     by an error of the line, and by a time-out once a servo should have arrived and stands still, or GRACE after that.
     """
-    if timeout is not None and not timeout >= 0:
-        raise BadValue(f"timeout {timeout} is not a number of seconds")
+    if timeout is not None and ((seconds := finite(timeout)) is None or seconds < 0):
+        raise BadValue(f"timeout {said(timeout)} is not a number of seconds")
     if move.began is None:
         raise UsageError("this move has not started")
     now = yield Now()

@@ -74,6 +74,25 @@ def test_a_move_that_only_goes_on_while_it_is_waited_for_is_waited_for(refused: 
     assert "goes to the servo in parts of 2.8 s, so the command must wait for it" in said
 
 
+@pytest.mark.parametrize(
+    ("goal", "way"),
+    [("1+=5", 5), ("1=+5", 5), ("1-=5", -5), ("1+=-5", -5), ("1-4-=0.1rad", -5.73), ("all-=5deg", -5)],
+)
+@pytest.mark.parametrize(("model", "start"), [("rx28", 149.9), ("drs0602", 0), ("lx16a", 120)])
+def test_M11_a_relative_move(load: Callable[..., Any], model: str, start: float, goal: str, way: float) -> None:
+    (one, *_) = load("move", f"virtual:{model}@1-4?clock=virtual", goal, "--time", "0.5")
+    assert one["goal"] == pytest.approx(start + way, abs=0.5)
+    assert one["position"] == pytest.approx(start + way, abs=2)
+
+
+def test_M11_minus_is_no_way_back_but_an_angle(load: Callable[..., Any], refused: Callable[..., str]) -> None:
+    assert load("move", DRS, "219=-5")[0]["goal"] == -5
+    assert "-5.0° is outside" in refused("move", RX, "1=-5")
+    assert "is outside" in refused("move", RX, "1+=200")
+    for wrong in ("1=+-5", "1=--5", "1+=", "+=5", "1++=5", "1=5+"):
+        refused("move", RX, wrong, code=2 if wrong in ("1+=", "+=5", "1++=5") else 1)
+
+
 def test_usage(refused: Callable[..., str]) -> None:
     assert "not both" in refused("move", RX, "1=90", "--time", "1", "--speed", "60", code=2)
     assert "--speed: 'nan' is not a number" in refused("move", RX, "1=90", "--speed", "nan", code=2)
@@ -108,7 +127,7 @@ def test_turn(run: Run, refused: Callable[..., str]) -> None:
     assert "DRS-0602 id 219 controls the speed at which it turns: give --speed DEG/S" in refused(
         "turn", DRS, 219, "--output", "9"
     )
-    assert "output 2.0 is not in -1 .. 1" in refused("turn", RX, 1, "--output", "200")
+    assert "--output: 300 % is not in -100 .. 100" in refused("turn", RX, 1, "--output", "300", code=2)
     assert "say one of" in refused("turn", RX, 1, code=2)
     assert "goes with --end" in refused("turn", RX, 1, "--output", "9", "--limits", "1", "2", code=2)
 

@@ -152,7 +152,7 @@ def test_a_servo_that_turned_does_not_go_on_turning(key: str) -> None:
     bench.do(lambda servo: servo.turn(**turning(servo.model)))
     bench.line.sleep(0.5)
     bench.do(lambda servo: servo.torque_off())
-    bench.line.sleep(1.0)
+    bench.line.sleep(1.0)  # until it stands
     here = bench.real.position
     bench.do(lambda servo: servo.rearm())
     bench.line.sleep(1.0)

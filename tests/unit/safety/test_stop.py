@@ -150,8 +150,8 @@ def test_S2_one_that_answers_no_reads_is_let_go_of(key: str) -> None:
 def test_S2_one_without_torque_stays_without(key: str) -> None:
     servo = virtual(f"{key}@1").find(1)
     real = servo._bus.transport.servos[0]
-    if hasattr(real, "goal_enables_torque"):
-        real.goal_enables_torque = True
+    if hasattr(real, "goal_torque"):
+        real.goal_torque = True
     assert str(servo.stop()) == "it drives nothing: its torque was off"
     assert not servo._bus.transport.servos[0].torque
 

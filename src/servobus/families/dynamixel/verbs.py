@@ -83,13 +83,19 @@ class Dynamixel1(Family):
         return ping(check_id(id))
 
     def identify(self, id: int) -> Procedure[Identity]:
-        """Read model number, firmware and return level; a servo at level 0 answers PING alone (D-22)."""
+        """Read model number, firmware and return level; a servo at level 0 answers PING alone (D-22).
+
+        Where no answer comes the servo is asked for less, so that it takes more than one lost packet to count as mute.
+        """
         try:
             # In all models of protocol 1.0 the model number is at 0, the version at 2, the return level at 16.
             data = yield from read_data(check_id(id), 0, 17)
         except NoReply:
             yield from ping(id)
-            return Identity(None, "", Answers.NOTHING)
+            try:
+                data = (yield from read_data(id, 0, 3)) + bytes(13) + (yield from read_data(id, 16, 1))
+            except NoReply:
+                return Identity(None, "", Answers.NOTHING)
         return Identity(int.from_bytes(data[:2], "little"), str(data[2]), Answers(min(data[16], 2)))
 
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
@@ -98,7 +104,8 @@ class Dynamixel1(Family):
 
     def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         if target.answers is Answers.NOTHING:
-            raise cannot(target, "be read", "its Status Return Level is 0; write status_return_level first")
+            mend = f"`servobus write PORT {target.id} status_return_level=1` lets it answer"
+            raise cannot(target, "be read", f"its Status Return Level is 0; {mend}")
         # A second exchange costs 14 bytes of frames and the return delay: rather bridge a gap as wide.
         spans = blocks(
             ((_address(register), register.layout.size) for register in registers), gap=16, longest=RX_BUFFER - 6

@@ -107,6 +107,8 @@ class Herkulex(Family):
 
     def check_model(self, model: type[Model]) -> None:
         """Make sure that the two bytes of the model number say what the model says (NO 1 and 2)."""
+        if model.generic:
+            return
         bytes_ = {row.place.within(EEP): row for row in model.registers.values()}
         said = [bytes_[at].default if at in bytes_ else None for at in (0, 1)]
         if said != [*(model.number or 0).to_bytes(2)]:
@@ -120,12 +122,16 @@ class Herkulex(Family):
         """Read model, version and ACK Policy; a servo with policy 0 answers STAT alone (H-25)."""
         try:
             model = yield from eep_read(id, 0, 4)
-            policy = yield from ram_read(id, ACK_POLICY, 1)
         except NoReply:
             yield from stat(id)
             return Identity(None, "", Answers.NOTHING)
+        try:
+            (policy,) = yield from ram_read(id, ACK_POLICY, 1)
+        except NoReply:
+            policy = Answers.READS  # it has just answered one
+        answers = Answers(min(policy, 2))
         # Version bytes 00 90 read as "0.90": an assumption, the manual does not say how they are written.
-        return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", Answers(min(policy[0], 2)))
+        return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", answers)
 
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
         """STAT, and reads: an ACK tells command, address and length of its request."""
@@ -431,7 +437,8 @@ HERKULEX = Herkulex()
 def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequence[Location]) -> Reading:
     """Tell what to ask for registers that stand at the spots given."""
     if target.answers is Answers.NOTHING:
-        raise cannot(target, "be read", "its ACK Policy is 0; write ack_policy first")
+        mend = f"`servobus write PORT {target.id} ack_policy=reads` lets it answer"
+        raise cannot(target, "be read", f"its ACK Policy is 0; {mend}")
     wanted = list(zip(registers, spots, strict=True))
     exchanges: list[Exchange[bytes]] = []
     found: dict[Location, tuple[int, int]] = {}
