@@ -129,6 +129,7 @@ def test_a_herkulex_in_infinite_turn_is_told_to_stop_before_its_torque_comes_on(
 
 def test_an_lx16a_that_lost_its_torque_is_rearmed_at_its_place() -> None:
     bench = bench_for("lx16a")
+    bench.real.goal_torque = False  # type: ignore[attr-defined]
     bench.bus.do(lewansoul.move_time_write(5, 833, 0))  # as a program would that knows nothing of the torque
     bench.line.sleep(0.1)  # a move that waits for the torque (L-69)
     here = bench.real.position

@@ -58,7 +58,7 @@ def test_lost_answers_do_not_make_it_longer(key: str) -> None:
     with pytest.raises(MoveTimeout):
         move.wait(timeout=2.0)
     assert servo._bus.stats.total.retries > 5
-    assert 2.0 <= clock.now() - began <= 2.0 + 2 * LOOK
+    assert 2.0 <= clock.now() - began <= 2.0 + 4 * LOOK  # with what ends the move
 
 
 @DRIVERS
