@@ -123,6 +123,8 @@ class Family(ABC):
     twice as long as any was seen to need."""
     needs: ClassVar[tuple[str, ...]] = ()
     """Names of the registers that the verbs of this family rely on, beside those that every model has."""
+    torque_returns: ClassVar[bool] = False
+    """Whether a torque that an alarm has switched off comes back by itself when that is over."""
     keepable: ClassVar[tuple[str, ...]] = ()
     """What `reset` can leave alone: some of "id", "baud" and "calibration"."""
     driven: ClassVar[int] = 1

@@ -62,7 +62,7 @@ OPTIONAL = {
     goal_speed     speed of the moves from now on, which a move by time sets
     goal_time      time of a goal that is written, which a move sets
     output_limit   in RAM, bounds the output
-    calibration    what a factory reset can leave alone as "calibration"
+    calibration    shifts the angles that are read; a factory reset may leave it alone as "calibration"
 """
 
 _TOLD = ("family", "number", "sheet", "factory_baud", "bauds", "turn_scale")
