@@ -68,6 +68,7 @@ class Lewansoul(Family):
         "torque_enable", "present_temperature", "max_temperature", "present_voltage", "min_voltage", "max_voltage"
     )  # fmt: skip
     holds_outside_limits = True  # L-70
+    one_table = True  # the protocol document defines what its commands carry, and names no model
     torque_returns = True  # point 16
     needs = ("goal_time", "led", "mode", "motor_speed")
 
