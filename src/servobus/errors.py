@@ -7,6 +7,7 @@
     │   └── EepromWear                a register in EEPROM was written too often lately
     ├── PortError (OSError)           the port cannot be opened, is in use, or is closed
     │   └── PortLost                  the port was open and went away: unplugged, hung up, or stuck
+    ├── NotRestored                   a backup was restored but for some settings
     ├── BusError                      an exchange failed
     │   ├── NoReply (TimeoutError)    silence
     │   ├── Garbled                   bytes came, but no packet: wrong baud, noise, two servos at once
@@ -20,6 +21,7 @@
     │   └── Refused                   the servo understood and said no
     └── MotionError                   motion was refused, ended before its goal, or may go on
         ├── TorqueOff                 a move was asked of a servo without torque
+        ├── OutsideLimits             torque would make it run to its limits, for it stands outside of them
         ├── Restarted                 the servo lost what was set in its RAM
         ├── Stopped                   the servos were made safe or stopped: what was under way ended
         ├── StopFailed                some of the servos that were to be stopped may still move
@@ -30,7 +32,7 @@ A loop that asks again after a BusError never swallows a stop: neither Stopped n
 An alarm (overheating, low voltage ...) is not in this tree: it is data, and stands beside the values.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -81,6 +83,18 @@ class PortError(ServobusError, OSError):
 
 class PortLost(PortError):
     """The port was open and went away: unplugged, hung up, or it takes no more bytes. `reopen` may find it again."""
+
+
+class NotRestored(ServobusError):
+    """A backup was restored but for some settings, each of which is named with the reason.
+
+    restored  names of the settings that were written
+    failed    setting -> why it could not be written
+    """
+
+    def __init__(self, message: str, restored: Sequence[str], failed: Mapping[str, str]) -> None:
+        super().__init__(message)
+        self.restored, self.failed = list(restored), dict(failed)
 
 
 class BusError(ServobusError):
@@ -144,6 +158,10 @@ class MotionError(ServobusError):
 
 class TorqueOff(MotionError):
     """A move was asked of a servo whose torque is off."""
+
+
+class OutsideLimits(MotionError):
+    """Torque was asked of a servo that stands outside the limits set in it, and would run to the nearest at once."""
 
 
 class Restarted(MotionError):

@@ -24,6 +24,7 @@ from servobus.families.base import (
     Reading,
     ServoRef,
     StopOutcome,
+    TorqueState,
     adjacent,
     blocks,
     cannot,
@@ -35,14 +36,16 @@ from servobus.families.dynamixel.protocol import (
     ALARMS,
     FRAMING,
     RX_BUFFER,
-    Code,
+    BulkRead,
     Error,
     Instruction,
     Ping,
     ReadData,
     RegWrite,
+    SyncRead,
     SyncWrite,
     WriteData,
+    code_of,
     parse_instruction,
     parse_status,
     ping,
@@ -52,6 +55,7 @@ from servobus.families.dynamixel.protocol import (
     write_data,
 )
 from servobus.families.explain import addressed, id_list, servo, show_bytes, show_span, show_values
+from servobus.families.motion import check_inside, nearest
 
 
 def _address(register: Register[Any]) -> int:
@@ -63,6 +67,8 @@ class Dynamixel1(Family):
     name = "dynamixel"
     title = "Dynamixel protocol 1.0"
     framing = FRAMING
+    torque_rows = ("torque_enable", "torque_limit")
+    limits_turn = True
     # Measured by a user on an AX-12: 6 ms, give or take 1, 9 at most. The manual says nothing of it.
     eeprom_time = 0.009
     needs = (
@@ -148,10 +154,17 @@ class Dynamixel1(Family):
             )
 
     def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
-        names = ("present_position", "torque_enable", "min_position", "max_position")
-        rows = [target.model.register(name) for name in names]
-        position, torque, low, high = yield from self.read(target, rows)
-        return MotionStatus(rows[0].decode(position), bool(torque), low, high, turning=low == high == 0)
+        names = ("present_position", "min_position", "max_position", *self.torque_rows)
+        raw = yield from self.read_values(target, names)
+        position: float = target.model.register("present_position").decode(raw["present_position"])
+        low, high, torque = raw["min_position"], raw["max_position"], self.torque_state(raw)
+        return MotionStatus(position, torque.on, low, high, low == high == 0, torque.shutdown)
+
+    def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
+        """Look at Torque Limit too: a shutdown sets it to 0, and leaves Torque Enable on (3-4-1 Alarm Shutdown)."""
+        if not values["torque_limit"]:
+            return TorqueState(False, "torque limit 0")
+        return TorqueState(bool(values["torque_enable"]))
 
     def check_axis(self, axis: AxisMove) -> None:
         """Refuse what would be slower than speed code 1: it would take longer than asked."""
@@ -195,15 +208,19 @@ class Dynamixel1(Family):
                 return outcome
         raise BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
 
-    def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
-        model = target.model
-        if on:
-            motion_status = yield from self.motion_status(target)
-            if not motion_status.torque and not motion_status.turning:
-                goal = model.register("goal_position")
-                here = min(max(goal.scale.encode(motion_status.position), motion_status.low), motion_status.high)
-                yield from self.write(target, {goal: here})
-        yield from self.write(target, {model.register("torque_enable"): int(on)})
+    def give_back(self, target: KnownServo) -> Procedure[None]:
+        """In endless turn the same register is an output (3-4-3)."""
+        if target.record.lent and not (yield from self.motion_status(target)).turning:
+            yield from super().give_back(target)
+
+    def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """A written goal may switch the torque on by itself: here it moves nothing."""
+        if motion_status.turning:
+            yield from self._write_raw_speed(target, 0)
+        else:
+            yield from self.put(
+                target, {target.model.register("goal_position"): nearest(target, motion_status)}, keep=False
+            )
 
     def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("present_load", "torque_limit")]
@@ -216,31 +233,23 @@ class Dynamixel1(Family):
         alarms: Error = yield asking.mapped(lambda packet: Error(packet.code) & ALARMS)
         return alarms
 
-    def rearm(self, target: KnownServo) -> Procedure[None]:
-        """End a shutdown: it has set Torque Limit to 0 and left Torque Enable on (3-4-1 Alarm Shutdown).
+    def end_shutdown(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """Give Torque Limit back, which the shutdown has set to 0 (3-4-1 Alarm Shutdown).
 
-        So Torque Enable goes off first. Else the servo would run to its old goal as soon as it has its limit back.
+        Torque Enable, which the shutdown leaves on, goes off first. Else the servo would run to its old goal.
         """
-        model = target.model
-        enable, limit = model.register("torque_enable"), model.register("torque_limit")
-        rows = [enable, limit, model.register("max_torque"), model.register("alarm_shutdown")]
-        on, limited, most, mask = yield from self.read(target, rows)
-        if on and limited:
+        if motion_status.torque:
             return
-        yield from self.write(target, {enable: 0})
-        yield from self.write(target, {limit: most})
+        model = target.model
+        rows = [model.register(name) for name in ("max_torque", "alarm_shutdown")]
+        most, mask = yield from self.read(target, rows)
+        yield from self._set(target, {model.register("torque_enable"): 0})
+        yield from self._set(target, {model.register("torque_limit"): most})
         standing = (yield from self.read_alarms(target)) & mask
         if standing:
             said = Flags(Error).show(Error(standing))
             done = "torque_enable is off now, so it goes nowhere when that is over"
             raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}; {done}", standing)
-        motion_status = yield from self.motion_status(target)
-        if motion_status.turning:
-            yield from self._write_raw_speed(target, 0)  # what it turned with before would set it going again
-        yield from self.torque(target, on=True)
-        on, limited = yield from self.read(target, rows[:2])
-        if not (on and limited):
-            raise BusError(f"{target}: the torque did not come on")
 
     def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""
@@ -253,14 +262,20 @@ class Dynamixel1(Family):
         model = target.model
         share = model.turn_scale.encode(check_output(output))
         limits = {model.register("min_position"): 0, model.register("max_position"): 0}
-        motion_status = yield from self.motion_status(target)
+        motion_status = yield from self.about_to_turn(target)
         if not motion_status.turning:
             # A speed left over from position mode would spin it as soon as the limits are 0.
+            yield from self.borrow(target)
             yield from self._write_raw_speed(target, 1)
-            yield from self.write(target, limits)
+            yield from self._set(target, limits)
         yield from self._write_raw_speed(target, share)
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
+        """Let go of the shaft, which endless turn without speed does not hold either, until limits and goal are set.
+
+        So it makes no difference whether the servo keeps its old goal (D-78), or what it makes of a goal in endless
+        turn (D-77).
+        """
         model = target.model
         motion_status = yield from self.motion_status(target)
         if not motion_status.turning and limits is None:
@@ -268,14 +283,27 @@ class Dynamixel1(Family):
         low, high = model.register("min_position"), model.register("max_position")
         if limits is None:
             limits = low.limits[0], high.limits[1]
-        if motion_status.turning:
-            yield from self._write_raw_speed(target, 0)
-        yield from self.write(target, {low: limits[0], high: limits[1]})
+        wanted = {low: limits[0], high: limits[1]}
+        if not motion_status.turning:
+            yield from self.write(target, wanted)
+            return
+        after = replace(motion_status, low=limits[0], high=limits[1], turning=False)
+        if motion_status.torque:
+            check_inside(target, after, whose="that it would get")
+        target.record.check_wear(str(target), wanted)
+        yield from self._check_unlocked(target, list(wanted))
+        yield from self._write_raw_speed(target, 0)
+        if motion_status.torque:
+            yield from self._set(target, {model.register("torque_enable"): 0})
+        yield from self._set(target, wanted)
+        if motion_status.torque:
+            yield from self.torque(target, on=True)
+        yield from self.give_back(target)
 
     def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in ("on", "off", "red"):
             raise BadValue(f"{target} has one red light: on or off, not {colour!r}")
-        yield from self.write(target, {target.model.register("led"): int(colour != "off")})
+        yield from self._set(target, {target.model.register("led"): int(colour != "off")})
 
     def reboot(self, target: KnownServo) -> Procedure[None]:
         yield from ()  # a procedure without steps
@@ -288,33 +316,72 @@ class Dynamixel1(Family):
         return target.id if factory_id is None else factory_id, target.model.factory_baud
 
     def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
-        yield from self.write(target, {target.model.register("id"): check_id(id)})
+        yield from self._set(target, {target.model.register("id"): check_id(id)})
 
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         register = target.model.register("baud")
-        yield from self.write(target, {register: register.encode(baud)})
+        yield from self._set(target, {register: register.encode(baud)})
 
     def explain(self, packet: Packet, request: Packet | None = None, model: type[Model] | None = None) -> str:
         """Say what a packet means: nothing in it tells an instruction from a status packet, only what came before."""
         asked = _asked(packet, request)
         if asked is None:
             try:
-                return _say_instruction(parse_instruction(packet), Code(packet.code), model)
+                return _say_instruction(parse_instruction(packet), model)
             except ValueError as error:
-                if packet.id == BROADCAST:
-                    return f"{error}, {addressed(packet.id)}"
+                if _only_instruction(packet):
+                    data = f", data {show_bytes(packet.data)}" if packet.data else ""
+                    return f"{error}, {addressed(packet.id)}{data}"
         return _say_status(packet, asked, model)
 
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
+        """Tell what replies an instruction asks for.
+
+        Servos may answer a PING to all, though the RX-28 manual says that none does: AX-12A do, one behind the other.
+        """
         try:
             message = parse_instruction(packet)
         except ValueError:
-            return None
-        if packet.id == BROADCAST:
-            return ()
-        if isinstance(message, ReadData):
-            return (ReplyPattern(packet.id, None, (message.length, 0)),)
+            if not _only_instruction(packet):
+                return None
+            message = None
+        match message:
+            case BulkRead(reads):
+                # An id listed twice counts once (ROBOTIS e-manual, Protocol 1.0, Bulk Read).
+                once = {read.id: read.length for read in reversed(reads)}
+                return tuple(ReplyPattern(id, None, (once[id], 0)) for id in dict.fromkeys(read.id for read in reads))
+            case SyncRead(_, length, ids):
+                # Each servo for itself, or an adapter for all of them.
+                each = (ReplyPattern(id, None, (length, 0), certain=False) for id in dict.fromkeys(ids))
+                return (*each, ReplyPattern(None, None, (length * len(ids),), certain=False))
+            case Ping() if packet.id == BROADCAST:
+                return (ReplyPattern(None, None, (0,), certain=False),)
+            case _ if packet.id == BROADCAST:
+                return ()
+            case ReadData(_, _, length):
+                return (ReplyPattern(packet.id, None, (length, 0)),)
         return (ReplyPattern(packet.id, None, (0,), certain=isinstance(message, Ping)),)
+
+    def concerns(self, packet: Packet) -> tuple[int, ...]:
+        try:
+            message = parse_instruction(packet)
+        except ValueError:
+            return (packet.id,)
+        match message:
+            case SyncWrite(_, _, parts):
+                return tuple(id for id, _ in parts)
+            case SyncRead(_, _, ids):
+                return ids
+            case BulkRead(reads):
+                return tuple(read.id for read in reads)
+        return (packet.id,)
+
+    def told_number(self, packet: Packet, request: Packet) -> int | None:
+        """In all models of protocol 1.0 the model number is at 0 and 1."""
+        match _asked(packet, request):
+            case ReadData(_, 0, length) if length == len(packet.data) >= 2:
+                return int.from_bytes(packet.data[:2], "little")
+        return None
 
     def _write_raw_speed(self, target: ServoRef, raw: int) -> Procedure[None]:
         row = target.model.register("moving_speed")
@@ -359,9 +426,17 @@ def _sync_writes(parts: Sequence[tuple[ServoRef, bytes]]) -> list[Exchange[None]
     return packets
 
 
+def _only_instruction(packet: Packet) -> bool:
+    """Tell whether this can be no status packet: nobody answers as all, and bit 7 of the error byte is 0 (3-3)."""
+    return packet.id == BROADCAST or (packet.code & 0x80 != 0 and packet.data != b"")
+
+
 def _asked(packet: Packet, request: Packet | None) -> Instruction | None:
-    """Give the instruction that a packet answers: the one before it, to the same id, if the length fits."""
-    if request is None or packet.id == BROADCAST or request.id != packet.id:
+    """Give the instruction that a packet answers: the one before it, if its id and length fit.
+
+    Of a read of several servos that is the part of the one that answers; all of it for an adapter that answers for all.
+    """
+    if request is None or packet.id == BROADCAST:
         return None
     if request.data and request == packet:
         return None  # asked again: to be an answer, this would have to repeat address and length by chance
@@ -369,12 +444,31 @@ def _asked(packet: Packet, request: Packet | None) -> Instruction | None:
         asked = parse_instruction(request)
     except ValueError:
         return None
-    lengths = (asked.length, 0) if isinstance(asked, ReadData) else (0,)
-    return asked if len(packet.data) in lengths else None
+    size = len(packet.data)
+    match asked:
+        case BulkRead(reads):
+            return next((read for read in reads if read.id == packet.id and size in (read.length, 0)), None)
+        case SyncRead(address, length, ids) if packet.id in ids and size in (length, 0):
+            return ReadData(packet.id, address, length)
+        case SyncRead(_, length, ids):
+            return asked if size == length * len(ids) else None
+        case Ping() if request.id == BROADCAST:
+            return None if size or _is_instruction(packet) else asked
+        case ReadData(_, _, length) if request.id == packet.id:
+            return asked if size in (length, 0) else None
+    return asked if request.id == packet.id and not size else None
 
 
-def _say_instruction(message: Instruction, code: Code, model: type[Model] | None) -> str:
-    head = f"{code.name} {addressed(message.id)}"
+def _is_instruction(packet: Packet) -> bool:
+    try:
+        parse_instruction(packet)
+    except ValueError:
+        return False
+    return True
+
+
+def _say_instruction(message: Instruction, model: type[Model] | None) -> str:
+    head = f"{code_of(message).name} {addressed(message.id)}"
     match message:
         case ReadData(_, address, length):
             return f"{head}: {show_span(model, TABLE, address, length)}"
@@ -383,12 +477,18 @@ def _say_instruction(message: Instruction, code: Code, model: type[Model] | None
         case SyncWrite(address, _, parts):
             each = "; ".join(f"{servo(id)}: {show_values(model, TABLE, address, data)}" for id, data in parts)
             return f"{head}, for {id_list(id for id, _ in parts)}: {each}"
+        case SyncRead(address, length, ids):
+            return f"{head}, for {id_list(ids)}: {show_span(model, TABLE, address, length)}"
+        case BulkRead(reads):
+            each = "; ".join(f"{servo(one.id)}: {show_span(model, TABLE, one.address, one.length)}" for one in reads)
+            return f"{head}, for {id_list(one.id for one in reads)}: {each}"
     return head
 
 
 def _say_status(packet: Packet, asked: Instruction | None, model: type[Model] | None) -> str:
     status, errors = parse_status(packet), Flags(Error)
-    refusals, alarms = status.error & ~ALARMS, status.error & ALARMS
+    # By numbers: bit 7 has no name, and ~ of named flags would drop it.
+    refusals, alarms = Error(int(status.error) & ~int(ALARMS)), status.error & ALARMS
     said = [f"refused, {errors.show(refusals)}"] if refusals else []
     if alarms:
         said.append(f"ALARM {errors.show(alarms)}")
@@ -397,4 +497,11 @@ def _say_status(packet: Packet, asked: Instruction | None, model: type[Model] | 
         return text
     if isinstance(asked, ReadData):
         return f"{text}, {show_values(model, TABLE, asked.address, status.data)}"
+    if isinstance(asked, SyncRead):
+        parts = (status.data[at : at + asked.length] for at in range(0, len(status.data), asked.length))
+        each = (
+            f"{servo(id)}: {show_values(model, TABLE, asked.address, part)}"
+            for id, part in zip(asked.ids, parts, strict=True)
+        )
+        return f"{text}, for all that were asked; {'; '.join(each)}"
     return f"{text}, {show_bytes(status.data)}"
