@@ -53,6 +53,11 @@ class SearchResult:
     found: list[FoundServo] = field(default_factory=list)
     troubles: list[ScanProblem] = field(default_factory=list)
 
+    @property
+    def ids(self) -> set[int]:
+        """Ids at which something answers, however badly."""
+        return {one.id for one in self.found} | {one.id for one in self.troubles}
+
 
 def search(
     bus: Bus, plan: SearchPlan, watch: Watcher, taken: set[int] | None = None
@@ -74,7 +79,7 @@ def search(
         yield _speeds(port, result.found)
     elif not result.troubles:
         yield _no_answer(port, plan)
-    taken |= {one.id for one in (*result.found, *result.troubles)}
+    taken |= result.ids
     yield from _unclear_answers(port, result, taken)
     return result.servos
 
@@ -164,7 +169,7 @@ def _factory_bauds(family: Family, found: list[FoundServo]) -> tuple[int, ...]:
 def _unclear_answers(port: str, result: SearchResult, taken: set[int]) -> Iterator[Finding]:
     """Report answers that made no sense. Two servos with one id answer at once, and garble each other."""
     garbled = {one.id for one in result.troubles if isinstance(one.error, Garbled)}
-    noise = is_noise(len(garbled), len({one.id for one in (*result.found, *result.troubles)}))
+    noise = is_noise(len(garbled), len(result.ids))
     for one in result.troubles[:SHOWN]:
         what = f"{one.family.title} id {one.id} at {one.baud}: something answers, but not clearly ({one.error})"
         others = [near.family.name for near in result.found if near.baud == one.baud and near.family is not one.family]
