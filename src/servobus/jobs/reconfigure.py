@@ -15,7 +15,7 @@ from servobus.core.ids import check_id
 from servobus.core.registers import Area, Register
 from servobus.core.values import frozen, replace
 from servobus.errors import BadValue, BusError, NoReply, Refused, ServobusError, UsageError
-from servobus.families.base import ASK_AGAIN, Answers, Family, KnownServo, Model
+from servobus.families.base import ASK_AGAIN, Answers, Family, KnownServo, Model, check_output
 from servobus.families.change import value
 
 ROUNDS = 3
@@ -250,7 +250,10 @@ def turn(target: KnownServo, *, speed: float | None, output: float | None) -> Pr
     """
     family, model = target.model.family, target.model
     lost: dict[Register[Any], int] = {}
-    for low, high in (pair.rows(model) for pair in model.limit_pairs if pair.both_zero):
+    overwrites = [pair.rows(model) for pair in model.limit_pairs if pair.both_zero and output is not None]
+    if overwrites and output is not None:
+        check_output(output)  # before anything is asked
+    for low, high in overwrites:
         raws = yield from family.read_stored(target, [low, high])
         if raws != [0, 0]:
             lost |= dict(zip((low, high), raws, strict=True))
