@@ -382,6 +382,8 @@ class Link:
         self.transport.write(data)
         clock = self._clock
         clock.note_sent(now, len(data), answered=bool(last.replies))
+        if last.id == BROADCAST and last.repeatable and not last.replies:
+            self.log.note_asked_all(last)
         if last.replies:
             self._deadline = clock.clear_at + clock.longest_answer(last) + self.latency.reply_margin
         else:
