@@ -12,7 +12,7 @@ from unit.cli.conftest import ALL, LX, RX, Run
 
 
 @pytest.mark.parametrize("family", ALL)
-def test_scan_finds_who_is_there(load: Callable[..., Any], family: str) -> None:
+def test_M3_scan_finds_who_is_there(load: Callable[..., Any], family: str) -> None:
     port, id = ALL[family]
     found = load("scan", port, "--family", family, "--ids", f"{id}-{id + 3}")
     keys = "family model model_number id baud firmware position voltage temperature torque alarms"
@@ -83,7 +83,7 @@ def test_alarms_are_told(run: Run) -> None:
     assert "ALARM overheating" in result.stdout
 
 
-def test_what_was_found_before_ctrl_c_is_told(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_M3_what_was_found_before_ctrl_c_is_told(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     find = _met
 
     def interrupted(family: Family, id: int, *rest: Any) -> Procedure[Any]:
@@ -118,3 +118,13 @@ def test_what_cannot_be_asked(refused: Callable[..., str]) -> None:
     assert "no such port" in refused("scan", "/dev/does-not-exist")
     assert "the name of the port is empty" in refused("scan", "")
     assert "no model 'rx99'" in refused("scan", "virtual:rx99@1")
+
+
+def test_M3_json_says_what_the_line_for_people_says(load: Callable[..., Any]) -> None:
+    (one,) = load("scan", "virtual:rx28@1?clock=virtual&temperature=90", "--ids", 1, "--family", "dynamixel")
+    assert one["voltage"] == {"value": 14.4, "unit": "V"}
+    assert one["temperature"] == {"value": 90.0, "unit": "°C"}
+    assert one["position"]["unit"] == "°"
+    assert (one["torque"], one["alarms"]) == (False, ["overheating"])
+    (lx,) = load("scan", "virtual:lx16a@1?clock=virtual", "--ids", 1, "--family", "lewansoul")
+    assert lx["alarms"] is None  # no packet of the protocol tells them
