@@ -54,7 +54,7 @@ def backup(port: str, ids: Ids, where: Where, files: tuple[str, ...], output: st
 
 @verb("restore", "servobus restore /dev/ttyUSB0 1 elbow.toml", "servobus restore /dev/ttyUSB0 1 elbow.toml --yes")
 @on_servo
-@click.argument("file")
+@click.argument("file", type=click.Path())
 @click.option("--yes", is_flag=True, help="Do not ask.")
 def restore(port: str, id: int, where: Where, file: str, yes: bool) -> None:
     """Write the settings in FILE to the servo ID on PORT, after showing what would change.

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from servobus import FAMILIES
+from servobus.cli import complete
 from servobus.cli.options import FamilyOption, as_json, verb
 from servobus.cli.output import note, print_json
 from servobus.cli.packets import print_events, print_summary
@@ -32,8 +33,19 @@ INDENT = " " * 8
     "cat /tmp/capture.bin | servobus decode -",
 )
 @click.argument("source", metavar="HEX...|FILE|-", nargs=-1, required=True)
-@click.option("--family", cls=FamilyOption, metavar="FAMILY", help="{families}; else what fits best.")
-@click.option("--model", metavar="MODEL", help="Whose registers; else those of the family's first model.")
+@click.option(
+    "--family",
+    cls=FamilyOption,
+    metavar="FAMILY",
+    shell_complete=complete.families,
+    help="{families}; else what fits best.",
+)
+@click.option(
+    "--model",
+    metavar="MODEL",
+    shell_complete=complete.models,
+    help="Whose registers; else those of the family's first model.",
+)
 @as_json
 def decode(source: tuple[str, ...], family: str | None, model: str | None, json: bool) -> None:
     """Explain bytes packet by packet, with what is broken or junk between them.

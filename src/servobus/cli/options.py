@@ -12,6 +12,7 @@ import click
 
 import servobus
 from servobus import Bus, BusServo
+from servobus.cli import complete
 from servobus.cli.app import Verb
 from servobus.cli.output import note
 from servobus.core.arguments import check_baud
@@ -242,8 +243,10 @@ def where_options(command: F) -> F:
 
     options = (
         click.option("--family", cls=FamilyOption, metavar="FAMILY", expose_value=False, callback=_where,
+                     shell_complete=complete.families,
                      help="Look only for {families} servos."),
         click.option("--model", metavar="MODEL", expose_value=False, callback=_where,
+                     shell_complete=complete.models,
                      help="What a servo is that cannot say it itself; only its family is looked for."),
         click.option("--baud", type=BAUD, metavar="N|all", expose_value=False, callback=_where,
                      help="Look at this speed, or at every speed; else at the factory speeds."),
@@ -253,14 +256,19 @@ def where_options(command: F) -> F:
     return command
 
 
+def port_argument() -> Callable[[F], F]:
+    """Make the argument PORT."""
+    return click.argument("port", shell_complete=complete.ports)
+
+
 def on_port(command: F) -> F:
     """Take PORT first, and where to look."""
-    return click.argument("port")(where_options(command))
+    return port_argument()(where_options(command))
 
 
 def on_servo(command: F) -> F:
     """Take PORT and ID first, and where to look."""
-    return click.argument("port")(click.argument("id", type=ID)(where_options(command)))
+    return port_argument()(click.argument("id", type=ID)(where_options(command)))
 
 
 def on_servos(command: F) -> F:
@@ -270,10 +278,12 @@ def on_servos(command: F) -> F:
         return joined_ids(words)
 
     ids = click.argument("ids", metavar="ID...", type=IDS, nargs=-1, required=True, callback=_joined)
-    return click.argument("port")(ids(where_options(command)))
+    return port_argument()(ids(where_options(command)))
 
 
-def on_servos_with(name: str, metavar: str, *, needed: bool = True) -> Callable[[F], F]:
+def on_servos_with(
+    name: str, metavar: str, *, needed: bool = True, shell_complete: complete.Complete | None = None
+) -> Callable[[F], F]:
     """Take PORT and ID... first, then words of another kind, and where to look.
 
     The ids arrive as `ids`, the other words as `name`.
@@ -286,8 +296,15 @@ def on_servos_with(name: str, metavar: str, *, needed: bool = True) -> Callable[
         return rest
 
     def take(command: F) -> F:
-        words = click.argument(name, metavar=f"ID... {metavar}", nargs=-1, required=True, callback=_split)
-        return click.argument("port")(words(where_options(command)))
+        words = click.argument(
+            name,
+            metavar=f"ID... {metavar}",
+            nargs=-1,
+            required=True,
+            callback=_split,
+            shell_complete=shell_complete,
+        )
+        return port_argument()(words(where_options(command)))
 
     return take
 

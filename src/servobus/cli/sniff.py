@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 import click
 
+from servobus.cli import complete
 from servobus.cli.decode import find_family_and_model
 from servobus.cli.options import BAUD, FamilyOption, as_json, stop_on_signals, verb
 from servobus.cli.output import compact, note
@@ -49,7 +50,7 @@ News: TypeAlias = Entry | float | Exception | None
     "and then the application, in another terminal:",
     "servobus scan /tmp/arm",
 )
-@click.argument("port")
+@click.argument("port", shell_complete=complete.ports)
 @click.option(
     "--baud", type=BAUD, metavar="N", help="Speed, until the application sets one; else the family's, or 115200."
 )
@@ -62,8 +63,19 @@ News: TypeAlias = Entry | float | Exception | None
 )
 @click.option("--once", is_flag=True, help="With --app: end when the application closes its port.")
 @click.option("--save", metavar="FILE", help="Write a recording, which `servobus decode FILE` shows again.")
-@click.option("--family", cls=FamilyOption, metavar="FAMILY", help="{families}; else found out piece by piece.")
-@click.option("--model", metavar="MODEL", help="Whose registers; else those of the family's first model.")
+@click.option(
+    "--family",
+    cls=FamilyOption,
+    metavar="FAMILY",
+    shell_complete=complete.families,
+    help="{families}; else found out piece by piece.",
+)
+@click.option(
+    "--model",
+    metavar="MODEL",
+    shell_complete=complete.models,
+    help="Whose registers; else those of the family's first model.",
+)
 @as_json
 def sniff(
     port: str,

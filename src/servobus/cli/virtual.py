@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from servobus.cli import complete
 from servobus.cli.live_table import LiveTable
 from servobus.cli.options import BAUD, UnitType, stop_on_signals, verb
 from servobus.cli.output import note
@@ -63,7 +64,7 @@ class FaultsType(click.ParamType[Faults]):
     "and then, in another terminal:",
     "servobus scan /tmp/arm",
 )
-@click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
+@click.argument("specs", metavar="SPEC...", nargs=-1, required=True, shell_complete=complete.specs)
 @click.option("--pty", metavar="LINK", help="Make LINK a symbolic link to the terminal.")
 @click.option("--tcp", metavar="[HOST:]PORT", help="Serve a TCP port instead; port 0 takes any free one.")
 @click.option("--baud", type=BAUD, metavar="N", help="Speed the servos start with; else the factory speed.")
