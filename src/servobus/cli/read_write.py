@@ -151,7 +151,7 @@ def write(port: str, ids: Ids, where: Where, settings: tuple[str, ...], save: bo
     """
     wanted = dict(split_assignment(setting, "REGISTER=VALUE, such as led=on") for setting in settings)
     if len(wanted) != len(settings):
-        raise BadValue("a register is named twice")
+        raise click.UsageError("a register is named twice")
     several = are_several(ids)
     with open_port(port) as bus:
         plans = [(servo, _encoded(servo, wanted)) for servo in find_all(bus, where, ids)]

@@ -18,7 +18,7 @@ from servobus.cli.options import BAUD, FamilyOption, as_json, stop_on_signals, v
 from servobus.cli.output import compact, note
 from servobus.cli.packets import print_events, print_summary
 from servobus.connect import FIRST_BAUD, transport
-from servobus.errors import BadValue, ServobusError, UsageError
+from servobus.errors import ServobusError, UsageError
 from servobus.families import registry
 from servobus.families.base import Family, Model
 from servobus.traffic.events import TrafficEvent
@@ -99,8 +99,6 @@ def sniff(
         raise click.UsageError("--once needs --app")
     if app is not None and sys.platform == "win32":
         raise UsageError("--app needs a pseudo terminal, and Windows has none; listen with a second adapter instead")
-    if not port.strip():
-        raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
     known_family, known_model = find_family_and_model(family, model)
     speed = baud or _factory_baud(known_family, known_model)
     head = Header(

@@ -12,7 +12,6 @@ from servobus.cli.live_table import LiveTable
 from servobus.cli.options import BAUD, UnitType, stop_on_signals, verb
 from servobus.cli.output import note
 from servobus.cli.virtual_console import VirtualConsole, read_commands
-from servobus.errors import BadValue
 from servobus.virtual.physics.motor import NOTHING, Load
 from servobus.virtual.serve.ports import serve_pty, serve_tcp
 from servobus.virtual.serve.rig import build_rig
@@ -196,5 +195,5 @@ def _host_and_port(text: str) -> tuple[str, int]:
     """Read HOST:PORT, [::1]:PORT or PORT."""
     host, _, port = text.rpartition(":")
     if not port.isdecimal() or int(port) > 65535:
-        raise BadValue(f"--tcp {text}: write [HOST:]PORT, such as 127.0.0.1:3333")
+        raise click.UsageError(f"--tcp {text}: write [HOST:]PORT, such as 127.0.0.1:3333")
     return host.strip("[]") or "127.0.0.1", int(port)

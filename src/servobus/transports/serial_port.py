@@ -319,7 +319,11 @@ def _explain(name: str, error: Exception) -> str:
         return _in_use(name, usb_adapter.holders(name))
     if "Inappropriate ioctl" in text:
         return f"{name} is no serial port; `servobus ports` lists what is plugged in"
-    return f"{name}: cannot be opened ({text})"
+    if number == errno.EISDIR:
+        return f"{name} is a folder, and no serial port; `servobus ports` lists what is plugged in"
+    # pyserial says the name again, and the reason twice.
+    reason = re.sub(r"^(\[Errno \d+\] )?(could not open port [^ ]+: )?(\[Errno \d+\] )?", "", text, flags=re.IGNORECASE)
+    return f"{name}: cannot be opened ({reason})"
 
 
 def _not_permitted(name: str) -> str:
