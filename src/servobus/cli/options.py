@@ -9,6 +9,7 @@ from types import FrameType
 from typing import Any, Literal, TypeAlias, TypeVar
 
 import click
+from click.shell_completion import CompletionItem
 
 import servobus
 from servobus import Bus, BusServo
@@ -230,6 +231,16 @@ class FamilyOption(click.Option):
         record = super().get_help_record(ctx)
         return record and (record[0], record[1].format(families=registry.names(registry.FAMILIES)))
 
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        return complete.families(ctx, self, incomplete)
+
+
+class ModelOption(click.Option):
+    """An option that takes the name of a model."""
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        return complete.models(ctx, self, incomplete)
+
 
 def where_options(command: F) -> F:
     """Add --family, --baud and --model, which arrive as one `where`."""
@@ -243,10 +254,8 @@ def where_options(command: F) -> F:
 
     options = (
         click.option("--family", cls=FamilyOption, metavar="FAMILY", expose_value=False, callback=_where,
-                     shell_complete=complete.families,
                      help="Look only for {families} servos."),
-        click.option("--model", metavar="MODEL", expose_value=False, callback=_where,
-                     shell_complete=complete.models,
+        click.option("--model", cls=ModelOption, metavar="MODEL", expose_value=False, callback=_where,
                      help="What a servo is that cannot say it itself; only its family is looked for."),
         click.option("--baud", type=BAUD, metavar="N|all", expose_value=False, callback=_where,
                      help="Look at this speed, or at every speed; else at the factory speeds."),

@@ -14,7 +14,7 @@ import click
 
 from servobus.cli import complete
 from servobus.cli.decode import find_family_and_model
-from servobus.cli.options import BAUD, FamilyOption, as_json, stop_on_signals, verb
+from servobus.cli.options import BAUD, FamilyOption, ModelOption, as_json, stop_on_signals, verb
 from servobus.cli.output import compact, note
 from servobus.cli.packets import print_events, print_summary
 from servobus.connect import FIRST_BAUD, transport
@@ -63,18 +63,9 @@ News: TypeAlias = Entry | float | Exception | None
 )
 @click.option("--once", is_flag=True, help="With --app: end when the application closes its port.")
 @click.option("--save", metavar="FILE", help="Write a recording, which `servobus decode FILE` shows again.")
+@click.option("--family", cls=FamilyOption, metavar="FAMILY", help="{families}; else all of them are looked for.")
 @click.option(
-    "--family",
-    cls=FamilyOption,
-    metavar="FAMILY",
-    shell_complete=complete.families,
-    help="{families}; else found out piece by piece.",
-)
-@click.option(
-    "--model",
-    metavar="MODEL",
-    shell_complete=complete.models,
-    help="Whose registers; else those of the family's first model.",
+    "--model", cls=ModelOption, metavar="MODEL", help="Whose registers; else those of the model that a servo reports."
 )
 @as_json
 def sniff(
@@ -99,6 +90,8 @@ def sniff(
         raise click.UsageError("--once needs --app")
     if app is not None and sys.platform == "win32":
         raise UsageError("--app needs a pseudo terminal, and Windows has none; listen with a second adapter instead")
+    if app is None and port.startswith("virtual:"):
+        raise UsageError(f"{port} has nobody that talks; --app gives an application a way to it")
     known_family, known_model = find_family_and_model(family, model)
     speed = baud or _factory_baud(known_family, known_model)
     head = Header(

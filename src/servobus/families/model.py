@@ -60,7 +60,7 @@ OPTIONAL = {
     answer_level   which requests it answers, as in `Answers`
     goal_speed     speed of the moves from now on, which a move by time sets
     output_limit   in RAM, bounds the output
-    calibration    what a factory reset can leave alone as "calibration"
+    calibration    shifts the angles that are read; a factory reset may leave it alone as "calibration"
 """
 
 _TOLD = ("family", "number", "sheet", "factory_baud", "bauds", "turn_scale")

@@ -311,6 +311,31 @@ def test_N7_torque_on_of_a_closed_bus_leaves_nothing_driven(key: str) -> None:
     assert servo.permit.driven
 
 
+@every_model
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_torque_block_leaves_on_what_was_on_before(key: str, whole: bool) -> None:
+    bus = virtual(f"{key}@1")
+    servo, port = bus.find(1), bus.transport
+    with servo.torque():
+        with bus.torque() if whole else servo.torque():
+            pass
+        port.sleep(0.1)
+        assert port.servos[0].torque
+        with pytest.raises(ValueError, match="a slip"), bus.torque() if whole else servo.torque():
+            servo.start_move(servo.look().position + 40 * deg, time=2.5)
+            port.sleep(0.2)
+            raise ValueError("a slip")
+        assert port.servos[0].torque
+        assert stands(port)
+    port.sleep(0.1)
+    assert not port.servos[0].torque
+    servo.torque_on()
+    with servo.torque():
+        pass
+    port.sleep(0.1)
+    assert port.servos[0].torque
+
+
 # Thresholds
 
 

@@ -27,12 +27,14 @@ from servobus.families.dynamixel.protocol import (
     CLOCK,
     FRAMING,
     Action,
+    BulkRead,
     Code,
     Error,
     Ping,
     ReadData,
     RegWrite,
     Reset,
+    SyncRead,
     SyncWrite,
     WriteData,
     parse_instruction,
@@ -269,6 +271,8 @@ class Dynamixel1Servo(VirtualServo):
                 return self._reset(), b""
             case Ping():
                 return OK, b""
+            case SyncRead() | BulkRead():
+                return Error.INSTRUCTION, b""  # ED-26
 
     def _read(self, address: int, length: int) -> tuple[Error, bytes]:
         self._sense()
