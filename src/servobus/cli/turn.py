@@ -12,7 +12,7 @@ from servobus.cli.options import (
     find,
     on_servo,
     open_port,
-    sigterm_as_interrupt,
+    signals_as_interrupt,
     verb,
 )
 from servobus.cli.output import note, warn_alarms
@@ -54,7 +54,7 @@ def turn(
         raise click.BadParameter(f"{100 * output:g} % is not in -100 .. 100", param_hint="--output")
     if limits is not None and not end:
         raise click.UsageError("--limits goes with --end")
-    with open_port(port) as bus, sigterm_as_interrupt():
+    with open_port(port) as bus, signals_as_interrupt():
         servo = find(bus, where, id)
         if end:
             if limits is not None:
