@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from servobus.bus.base import ReconnectReport
 from servobus.bus.blocking import Bus, BusServo, Move
-from servobus.bus.by_servo import ByServo
+from servobus.bus.by_servo import ByServo, Readings
 from servobus.bus.servo import Servo
 from servobus.connect import open, open_async
 from servobus.core.units import deg, ms, rpm
@@ -105,6 +105,7 @@ __all__ = [
     "NoReply",
     "PortError",
     "PortLost",
+    "Readings",
     "ReconnectReport",
     "Refused",
     "Restarted",

@@ -5,10 +5,12 @@ A port is a device path (`/dev/ttyUSB0`), `COM4`, `socket://host:port`, `rfc2217
 """
 
 from collections.abc import Iterable
+from os import PathLike, fspath
 from typing import TYPE_CHECKING
 
 from servobus.bus.blocking import Bus
-from servobus.errors import BadValue
+from servobus.core.arguments import check_bauds
+from servobus.errors import UsageError
 from servobus.families.record import SafeAction
 from servobus.jobs.scan import Models, check_models
 from servobus.safety.safe_stop import check_safe_action
@@ -23,7 +25,7 @@ FIRST_BAUD = 115_200
 
 
 def open(
-    port: str,
+    port: str | PathLike[str],
     *,
     bauds: int | Iterable[int] | None = None,
     echo: bool | None = None,
@@ -41,14 +43,14 @@ def open(
 
     Raises PortError if the port is missing, in use or not permitted, UsageError for a name that is no port or no model.
     """
-    speeds = _speeds(bauds)
+    speeds = check_bauds(bauds)
     check_safe_action(safe_action or "hold", ())
     check_models(models)
     return Bus(transport(port, speeds), bauds=speeds, echo=echo, safe_action=safe_action, models=models)
 
 
 def open_async(
-    port: str,
+    port: str | PathLike[str],
     *,
     bauds: int | Iterable[int] | None = None,
     echo: bool | None = None,
@@ -58,14 +60,15 @@ def open_async(
     """Open a port for asyncio: `async with servobus.open_async(port) as bus`. See `open`."""
     from servobus.bus.asyncio import AsyncBus  # noqa: PLC0415 - asyncio is slow to import and not always wanted
 
-    speeds = _speeds(bauds)
+    speeds = check_bauds(bauds)
     check_safe_action(safe_action or "hold", ())
     check_models(models)
     return AsyncBus(transport(port, speeds), bauds=speeds, echo=echo, safe_action=safe_action, models=models)
 
 
-def transport(port: str, speeds: tuple[int, ...] | None = None) -> Transport:
+def transport(port: str | PathLike[str], speeds: tuple[int, ...] | None = None) -> Transport:
     """Open the bare port behind a name."""
+    port = _name(port)
     if port.startswith(VIRTUAL):
         from servobus.virtual.serve.inprocess import connect  # noqa: PLC0415 - real ports need no virtual servos
 
@@ -75,14 +78,14 @@ def transport(port: str, speeds: tuple[int, ...] | None = None) -> Transport:
     return SerialPort(port, speeds[0] if speeds else FIRST_BAUD)
 
 
-def _speeds(bauds: int | Iterable[int] | None) -> tuple[int, ...] | None:
-    if bauds is None:
-        return None
-    speeds = (bauds,) if isinstance(bauds, int) else tuple(bauds)
-    for speed in speeds:
-        if not 1 <= speed <= 4_000_000:
-            raise BadValue(f"{speed} is not a speed in baud")
-    return speeds
+def _name(port: str | PathLike[str]) -> str:
+    """Give the name of a port, be it a text or a path. Raises UsageError for anything else."""
+    given: object = fspath(port) if isinstance(port, PathLike) else port
+    if not isinstance(given, str):
+        raise UsageError(f"{port!r:.40} is no name of a port; one is /dev/ttyUSB0, COM4 or virtual:rx28@1-4")
+    if not given.strip():
+        raise UsageError("the name of the port is empty; `servobus ports` lists what is plugged in")
+    return given
 
 
 __all__ = ["open", "open_async", "transport"]

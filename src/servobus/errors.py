@@ -31,11 +31,28 @@ An alarm (overheating, low voltage ...) is not in this tree: it is data, and sta
 """
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 
 class ServobusError(Exception):
-    """Base of all errors that servobus raises on purpose."""
+    """Base of all errors that servobus raises on purpose.
+
+    before  what was there before the change that this error broke off, register -> value in its unit; empty where the
+            error broke off no change of settings
+    """
+
+    before: Mapping[str, Any] = MappingProxyType({})
+
+    def tell_before(self, before: Mapping[str, Any], said: str) -> None:
+        """Say in the message, and in `before`, what was there before; the first who says so knows best."""
+        if not before or self.before:
+            return
+        self.before = dict(before)
+        if len(self.args) == 1:
+            self.args = (f"{self.args[0]}; {said}",)
+        else:
+            self.add_note(said)
 
 
 class UsageError(ServobusError, ValueError):
@@ -143,12 +160,13 @@ class Stopped(MotionError):
 class StopFailed(MotionError):
     """Some of the servos that were to be stopped may still move. All others were stopped.
 
-    `failures` says why: servo, or an id that no known servo has -> error.
+    failures  servo, or an id that no known servo has -> why it may still move
+    stopped   servo -> what was done with it, as `Bus.stop` gives it
     """
 
-    def __init__(self, message: str, failures: Mapping[Any, Exception]) -> None:
+    def __init__(self, message: str, failures: Mapping[Any, Exception], stopped: Mapping[Any, Any]) -> None:
         super().__init__(message)
-        self.failures = failures
+        self.failures, self.stopped = failures, stopped
 
 
 class MoveTimeout(MotionError, TimeoutError):

@@ -93,6 +93,14 @@ class AsyncBusServo(Awaiting, Servo):
 
         return AsyncMove(self._bus, start)
 
+    def move_by(self, angle: float, *, time: float | None = None, speed: float | None = None) -> AsyncMove:
+        """Move by an angle in rad from where the servo is then, plus or minus; see `move`."""
+
+        async def start() -> PlannedMove:
+            return await self.start_move_by(angle, time=time, speed=speed)
+
+        return AsyncMove(self._bus, start)
+
     @asynccontextmanager
     async def torque(self) -> AsyncIterator["AsyncBusServo"]:
         """Torque on inside the `async with`, off again on the way out.
@@ -212,7 +220,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         self,
         read: Iterable[Register[Any] | str] | Register[Any] | str = POSITION_SPEED_LOAD,
         write: Iterable[Register[Any] | str] | Register[Any] | str = ("goal_position",),
-        servos: Iterable[AsyncBusServo | int] | None = None,
+        servos: Iterable[AsyncBusServo | int] | AsyncBusServo | int | None = None,
         *,
         time: float = 0.0,
     ) -> "AsyncBusCycle":
@@ -222,7 +230,9 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         return AsyncBusCycle(self, self.transport, self._chosen(servos), read, write, time)
 
     @asynccontextmanager
-    async def torque(self, servos: Iterable[AsyncBusServo | int] | None = None) -> AsyncIterator["AsyncBus"]:
+    async def torque(
+        self, servos: Iterable[AsyncBusServo | int] | AsyncBusServo | int | None = None
+    ) -> AsyncIterator["AsyncBus"]:
         """Torque on for these servos (all known ones by default), off again on the way out.
 
         After an error those for which a safe action was chosen are made safe instead.

@@ -9,16 +9,17 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
 
-from servobus.bus.by_servo import ByServo, name, pick
+from servobus.bus.by_servo import ByServo, Readings, name, pick
 from servobus.bus.known_servos import KnownServos
 from servobus.bus.servo import Servo
+from servobus.core.arguments import check_bauds, check_mapping, one_or_several
 from servobus.core.closed import Closed
 from servobus.core.exchange import Batch, Exchange, Procedure, SetBaud
 from servobus.core.framing import Framing, Packet
-from servobus.core.ids import LAST_ID
+from servobus.core.ids import LAST_ID, check_id, check_ids
 from servobus.core.operation import Priority, bus_method, urgent
-from servobus.core.registers import Register
-from servobus.errors import BusError, Restarted, StopFailed, UnknownName, UsageError
+from servobus.core.registers import Register, register_name
+from servobus.errors import BusError, Restarted, ServobusError, StopFailed, UnknownName, UsageError
 from servobus.families import registry
 from servobus.families.base import Answers, Family, KnownServo, Model, StopOutcome
 from servobus.families.record import SafeAction
@@ -182,7 +183,7 @@ class BaseBus(Closed, Generic[S]):
         return len(self._servos)
 
     def __repr__(self) -> str:
-        known = ", ".join(f"{servo.model.title} id {servo.id}" for servo in self._servos) or "no servo known yet"
+        known = ", ".join(str(servo.target) for servo in self._servos) or "no servo known yet"
         return f"<{type(self).__name__} {self.transport.name}: {known}>"
 
     def __contains__(self, id: object) -> bool:
@@ -190,21 +191,24 @@ class BaseBus(Closed, Generic[S]):
 
     def attach(
         self,
-        model: type[Model],
+        model: type[Model] | str,
         id: int,
         *,
         baud: int | None = None,
         answers: Answers | None = None,
         firmware: str = "",
     ) -> S:
-        """Name a servo that is there, without asking it anything.
+        """Name a servo that is there, without asking it anything. `model` is a model or the name of one, "rx28".
 
         The known servo of this family and id is given back, with all that was noted of it; with another `baud` a second
         servo is made, for one port may carry both. One that is not known yet is assumed at `baud`, or at its factory
         speed. `answers` defaults to the model's factory setting. From now on it is of this model, whatever a scan takes
         it for. Raises BadValue for an id that no single servo can have, UnknownName if two servos could be meant.
         """
-        return self._servos.attach(model, id, baud, answers, firmware)
+        kind: object = registry.model(model) if isinstance(model, str) else model
+        if not (isinstance(kind, type) and issubclass(kind, Model)):
+            raise UsageError(f"{kind!r:.60} is no model: attach() takes a model and an id, as in attach(RX28, 1)")
+        return self._servos.attach(kind, id, baud, answers, firmware)
 
     def forget(self, servo: S | int) -> None:
         """Know this servo no more: it is in no result, and this bus does not make it safe. Sends nothing.
@@ -236,7 +240,7 @@ class BaseBus(Closed, Generic[S]):
         objects.
         """
         survey = self.survey = ScanResult()
-        wanted = (ids,) if isinstance(ids, int) else ids
+        wanted = check_ids(ids)
         try:
             yield from scan(self._families(family), self._speeds(bauds), wanted, watch, survey, self.identify)
             return (yield from self._servos.adopt_all(survey.found, survey))
@@ -248,7 +252,12 @@ class BaseBus(Closed, Generic[S]):
     def find(
         self, id: int, *, family: Family | str | None = None, bauds: int | Iterable[int] | None = None
     ) -> Procedure[S]:
-        """Look for one servo. Raises NoReply, or BusError if what answers is no model known here."""
+        """Look for one servo.
+
+        Raises NoReply, UnknownName if two servos have this id, BusError if its family has no table
+        for a model that is not known.
+        """
+        check_id(id)
         found = yield from find(self._families(family), self._speeds(bauds), id, self.identify)
         (servo,) = yield from self._servos.adopt_all([found], self.survey)  # find gives known models only
         return servo
@@ -256,13 +265,15 @@ class BaseBus(Closed, Generic[S]):
     def identify(self, family: Family, id: int, baud: int, number: int | None) -> type[Model] | None:
         """Tell the model of a servo that reports this number, as far as it can be known.
 
-        What the servo says itself comes first, if such a model is known; then what `attach` gave, then `models`. Else
-        one that says nothing is taken for the first model of its family.
+        What the servo says itself comes first, if such a model is known; then what `attach` gave, then `models`, and
+        for one that says nothing what it is known as here. Else its model is unknown: the generic one of its family,
+        which has what all models share, or None if the family has no such model.
         """
-        said = None if number is None else registry.identified(family, number)
+        said = registry.identified(family, number)
         attached = self._servos.attached_model(family.name, id, baud)
-        guessed = None if number is not None else registry.first_model(family)
-        return said or attached or model_told(self.models, family, id) or guessed
+        told = model_told(self.models, family, id)
+        before = None if number is not None else self._servos.model_at(family.name, id, baud)
+        return said or attached or told or before or registry.unknown(family, number)
 
     def adopt(self, found: FoundServo) -> S | None:
         """Know a servo that a scan has found, as it was seen then; None for a model that is not known here.
@@ -274,20 +285,29 @@ class BaseBus(Closed, Generic[S]):
     # Several at once
 
     @bus_method
-    def read_all(self, register: Register[Any] | str) -> Procedure[ByServo[S, Any]]:
-        """Read one register of every known servo, by the name or alias that their models share.
+    def read_all(
+        self, register: Register[Any] | str, servos: Iterable[S | int] | S | int | None = None
+    ) -> Procedure[Readings[S, Any]]:
+        """Read one register of these servos (by default of all), by the name or alias that their models share.
 
-        Gives servo -> value, which can be asked by id where that is unique. A register of one of the models stands for
-        its name. Raises UnknownName for a model that has none of it.
+        Gives servo -> value of those that answered, which can be asked by id where that is unique; `lost` of it tells
+        of the others: servo -> error. A register of one of the models stands for its name. Raises UnknownName for a
+        model that has none of it, and the first error if no servo could be read.
         """
-        name = register.name if isinstance(register, Register) else register
-        rows = {servo: servo.model.register(name) for servo in self}
+        name = register_name(register)
+        rows = {servo: servo.model.register(name) for servo in self._chosen(servos)}
         values: dict[S, Any] = {}
+        lost: dict[S, ServobusError] = {}
         for servo, row in rows.items():
             yield SetBaud(servo.baud)
-            (raw,) = yield from servo.family.read(servo.target, [row])
-            values[servo] = row.decode(raw, servo.target)
-        return ByServo(values)
+            try:
+                (raw,) = yield from servo.family.read(servo.target, [row])
+                values[servo] = row.decode(raw, servo.target)
+            except (BusError, UsageError) as error:
+                lost[servo] = error
+        if lost and not values:
+            raise next(iter(lost.values()))
+        return Readings(values, lost)
 
     @bus_method
     def plan_move(
@@ -324,7 +344,7 @@ class BaseBus(Closed, Generic[S]):
 
     @bus_method
     @urgent(Priority.MOTION)
-    def torque_on(self, servos: Iterable[S | int] | None = None) -> Procedure[None]:
+    def torque_on(self, servos: Iterable[S | int] | S | int | None = None) -> Procedure[None]:
         """Switch the torque of these servos on (by default of all), each with goal := present position first."""
         for servo in self._chosen(servos):
             yield SetBaud(servo.baud)
@@ -333,7 +353,7 @@ class BaseBus(Closed, Generic[S]):
 
     @bus_method
     @urgent(Priority.MOTION)
-    def torque_off(self, servos: Iterable[S | int] | None = None) -> Procedure[None]:
+    def torque_off(self, servos: Iterable[S | int] | S | int | None = None) -> Procedure[None]:
         """Switch the torque of these servos off (by default of all): of each, even if one fails.
 
         Then it raises the first failure.
@@ -374,7 +394,7 @@ class BaseBus(Closed, Generic[S]):
         if failures:
             names = {key: str(key.target) if isinstance(key, Servo) else f"id {key}" for key in failures}
             said = "; ".join(f"{names[key]} may still move: {why}" for key, why in failures.items())
-            raise StopFailed(said, failures)
+            raise StopFailed(said, failures, ByServo(done))
         return ByServo(done)
 
     @bus_method
@@ -394,7 +414,7 @@ class BaseBus(Closed, Generic[S]):
         given: object = thresholds
         if given is not None:
             if not isinstance(given, Thresholds):
-                raise UsageError(f"protect({given!r}): give servobus.Thresholds(warn=...), or nothing")
+                raise UsageError(f"protect() takes Thresholds(warn=...), or nothing, not {given!r:.60}")
             self._thresholds = given.check()
         bounds = self._thresholds or Thresholds()
         levels: dict[S, Level] = {}
@@ -420,9 +440,15 @@ class BaseBus(Closed, Generic[S]):
             "bus[id].write(RX28.goal_position, ...)"
         )
 
+    def _no_such_attribute(self, name: str) -> str:
+        return (
+            f"{type(self).__name__} has no attribute {name!r}; to read a register: "
+            'bus[id].read("present_position"), or of all servos bus.read_all("present_position")'
+        )
+
     def _goals(self, goals: Mapping[Any, float]) -> dict[KnownServo, float]:
         """Give goals by servo. Raises UnknownName, or UsageError for a servo that is given two goals."""
-        servos = {key: self[key] for key in goals}
+        servos = {key: self[key] for key in check_mapping("goals", goals, "{1: 90 * deg}")}
         if len(set(servos.values())) < len(servos):
             raise UsageError("one of the servos is given two goals, by itself and by its id")
         return {servos[key].target: goal for key, goal in goals.items()}
@@ -455,8 +481,11 @@ class BaseBus(Closed, Generic[S]):
     def _bind(self, target: KnownServo, firmware: str) -> S:
         """Make this driver's own kind of servo."""
 
-    def _chosen(self, servos: Iterable[S | int] | None) -> list[S]:
-        return list(self) if servos is None else [self[servo] for servo in servos]
+    def _chosen(self, servos: Iterable[S | int] | S | int | None) -> list[S]:
+        """Give the servos that are meant, each by itself or by its id. Raises UnknownName."""
+        if servos is None:
+            return list(self)
+        return [self[servo] for servo in one_or_several(servos, lambda thing: isinstance(thing, Servo))]
 
     def _groups(self) -> list[list[S]]:
         """Sort servos by family and speed: one packet drives servos of one kind."""
@@ -468,12 +497,13 @@ class BaseBus(Closed, Generic[S]):
     def _families(self, family: Family | str | None) -> list[Family]:
         if family is None:
             return list(registry.FAMILIES.values())
+        given: object = family
+        if not isinstance(given, Family | str):
+            raise UsageError(f"{given!r:.60} is no family: give its name, {registry.names(registry.FAMILIES)}")
         return [registry.family(family) if isinstance(family, str) else family]
 
     def _speeds(self, bauds: int | Iterable[int] | None) -> tuple[int, ...] | None:
-        if bauds is None:
-            return self.bauds
-        return (bauds,) if isinstance(bauds, int) else tuple(bauds)
+        return self.bauds if bauds is None else check_bauds(bauds)
 
     def _known(self) -> list[S]:
         return list(self._servos)

@@ -71,6 +71,10 @@ class BusServo(Blocking, Servo):
         """
         return Move(self._bus, self.start_move(angle, time=time, speed=speed))
 
+    def move_by(self, angle: float, *, time: float | None = None, speed: float | None = None) -> Move:
+        """Start a move by an angle in rad from where the servo is, plus or minus; see `move`."""
+        return Move(self._bus, self.start_move_by(angle, time=time, speed=speed))
+
     @contextmanager
     def torque(self) -> Iterator["BusServo"]:
         """Torque on inside the `with`, off again on the way out.
@@ -169,7 +173,7 @@ class Bus(Blocking, BaseBus[BusServo]):
         self,
         read: Iterable[Register[Any] | str] | Register[Any] | str = POSITION_SPEED_LOAD,
         write: Iterable[Register[Any] | str] | Register[Any] | str = ("goal_position",),
-        servos: Iterable[BusServo | int] | None = None,
+        servos: Iterable[BusServo | int] | BusServo | int | None = None,
         *,
         time: float = 0.0,
     ) -> "BusCycle":
@@ -185,7 +189,7 @@ class Bus(Blocking, BaseBus[BusServo]):
         return BusCycle(self, self.transport, self._chosen(servos), read, write, time)
 
     @contextmanager
-    def torque(self, servos: Iterable[BusServo | int] | None = None) -> Iterator["Bus"]:
+    def torque(self, servos: Iterable[BusServo | int] | BusServo | int | None = None) -> Iterator["Bus"]:
         """Torque on for these servos (all known ones by default) inside the `with`, off again on the way out.
 
         After an error those for which a safe action was chosen are made safe instead.

@@ -6,7 +6,7 @@ An id alone does not name a servo: one port may carry two of them with the same 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from servobus.errors import UnknownName
+from servobus.errors import ServobusError, UnknownName
 
 if TYPE_CHECKING:
     from servobus.bus.servo import Servo
@@ -69,6 +69,25 @@ class ByServo(Mapping[S, V], Generic[S, V]):
         return len({servo.id for servo in self._values}) == len(self._values)
 
 
+class Readings(ByServo[S, V]):
+    """What was read of servos: servo -> value of those that answered, and `lost` of the others: servo -> error.
+
+    Asking for the value of one that is lost raises its error. Both can be asked by id where that is unique.
+    """
+
+    def __init__(self, values: Mapping[S, V], lost: Mapping[S, ServobusError]) -> None:
+        super().__init__(values)
+        self.lost: ByServo[S, ServobusError] = ByServo(lost)
+
+    def __getitem__(self, key: S | int) -> V:
+        if key in self.lost and key not in self:
+            raise self.lost[key]
+        if not isinstance(key, int) or not self.lost:
+            return super().__getitem__(key)
+        # Two servos may have this id, one of them lost.
+        return self._values[pick([*self._values, *self.lost], key)]
+
+
 def pick(servos: Iterable[S], key: S | int, *, where: str = "known here", remedy: str = "") -> S:
     """Find the servo that is meant by itself or by its id. Raises UnknownName."""
     known = list(servos)
@@ -78,7 +97,10 @@ def pick(servos: Iterable[S], key: S | int, *, where: str = "known here", remedy
     if matches:
         raise UnknownName(f"id {key} is not unique here: {_names(matches)}; give the servo itself in place of its id")
     ids = ", ".join(str(servo.id) for servo in known) or "none"
-    wanted = f"servo with id {key}" if isinstance(key, int) else f"such servo as {key!r}"
+    wanted = f"servo with id {key}" if isinstance(key, int) else f"such servo as {key!r:.60}"
+    given: object = key
+    if isinstance(given, str):
+        remedy = "; an id is a number, not a text"
     raise UnknownName(f"no {wanted} is {where} ({'known' if where == 'known here' else 'in it'}: {ids}){remedy}")
 
 

@@ -17,13 +17,14 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
-from servobus.bus.by_servo import ByServo, name, pick
+from servobus.bus.by_servo import Readings, name, pick
 from servobus.bus.rate import Rate
 from servobus.bus.servo import Servo
+from servobus.core.arguments import check_mapping, one_or_several
 from servobus.core.exchange import Batch, Exchange, Job, Now, Procedure, SetBaud
 from servobus.core.operation import Awaiting, Blocking, Priority, bus_method, urgent
-from servobus.core.registers import Register
-from servobus.core.units import show
+from servobus.core.registers import Register, register_name
+from servobus.core.units import finite, said, show
 from servobus.core.values import frozen
 from servobus.errors import BadValue, BusError, NoReply, TorqueOff, UnknownName, UsageError
 from servobus.families.base import Family, MotionStatus, Reading, ServoRef
@@ -37,17 +38,13 @@ RETRY = 0.25
 """s between two questions to servos that stay silent."""
 
 
-class Result(ByServo[Servo, dict[str, Any]]):
-    """What a cycle read: servo -> name -> value, in SI units. `lost` tells of the others: servo -> BusError.
-
-    Both can be asked by id where that is unique.
-    """
+class Result(Readings[Servo, dict[str, Any]]):
+    """What a cycle read: servo -> name -> value, in SI units. `lost` tells of the others: servo -> BusError."""
 
     def __init__(
         self, values: Mapping[Servo, dict[str, Any]], lost: Mapping[Servo, BusError], chain: Sequence[Servo]
     ) -> None:
-        super().__init__(values)
-        self.lost: ByServo[Servo, BusError] = ByServo(lost)
+        super().__init__(values, lost)
         self._chain = chain
 
     @property
@@ -242,8 +239,9 @@ class Cycle:
             groups.setdefault((family.name, baud), _Group(family, baud, [])).parts.append(part)
             longest = part.target.model.max_move_time
             longest = math.inf if longest is None else longest
-            if not 0 <= self.time <= longest or self.time == math.inf:
-                raise BadValue(f"{part.target}: a move cannot take {self.time} s")
+            time = finite(self.time)
+            if time is None or not 0 <= time <= longest:
+                raise BadValue(f"{part.target}: a move cannot take {said(self.time)} s")
         self._groups = list(groups.values())
 
     def _packets(self, group: _Group) -> list[Exchange[Any]]:
@@ -262,7 +260,7 @@ class Cycle:
         if not self.write:
             raise UsageError('this cycle only reads; prepare it with write=("goal_position",)')
         raw: dict[_Part, int] = {}
-        for key, angle in goals.items():
+        for key, angle in check_mapping("goals", goals, "{1: 90 * deg}").items():
             part = self._parts.get(key) or self._parts[pick(self._parts, key, where="in this cycle")]
             if part in raw:
                 raise UsageError(f"{part.target} is given two goals, by itself and by its id")
@@ -391,8 +389,8 @@ def _questions(parts: Sequence[_Part]) -> list[tuple[_Part, int, Exchange[bytes]
 
 def _names(registers: Iterable[Register[Any] | str] | Register[Any] | str) -> tuple[str, ...]:
     """Give the names of registers: one of a model stands for that of the same name on all."""
-    several = (registers,) if isinstance(registers, Register | str) else registers
-    return tuple(row.name if isinstance(row, Register) else row for row in several)
+    several = one_or_several(registers, lambda thing: isinstance(thing, Register))
+    return tuple(register_name(row) for row in several)
 
 
 def _row(target: ServoRef, name: str) -> Register[Any]:

@@ -9,10 +9,12 @@ from typing import Generic, TypeAlias, TypeVar
 
 from servobus.bus.by_servo import pick
 from servobus.bus.servo import Servo
+from servobus.core.arguments import check_baud
 from servobus.core.exchange import Procedure, SetBaud
 from servobus.core.ids import check_id
+from servobus.core.units import said
 from servobus.core.values import replace
-from servobus.errors import BusError, NoReply, UsageError
+from servobus.errors import BadValue, BusError, NoReply, UsageError
 from servobus.families.base import Answers, KnownServo, Model, ServoRef, policy_register
 from servobus.families.record import ServoRecord
 from servobus.jobs.scan import FoundServo, ModelConflict, ScanProblem, ScanResult
@@ -48,7 +50,12 @@ class KnownServos(Generic[S]):
 
     def attach(self, model: type[Model], id: int, baud: int | None, answers: Answers | None, firmware: str) -> S:
         """Name a servo that is there; see `BaseBus.attach`."""
-        check_id(id)
+        id = check_id(id)
+        baud = None if baud is None else check_baud(baud)
+        if answers is not None and answers not in tuple(Answers):
+            levels = ", ".join(f"Answers.{level.name}" for level in Answers)
+            raise BadValue(f"answers {said(answers)} is none of {levels}")
+        answers = None if answers is None else Answers(answers)
         same = [servo for servo in self._servos if (servo.id, servo.family.name) == (id, model.family.name)]
         if baud is not None:
             same = [servo for servo in same if servo.baud == baud]
@@ -83,6 +90,10 @@ class KnownServos(Generic[S]):
         named = [servo for servo in self._named if _place(servo) == (family, id, baud)]
         assumed = [servo for servo in self._speed_assumed if _place(servo)[:2] == (family, id)]
         return next((servo.model for servo in named + assumed), None)
+
+    def model_at(self, family: str, id: int, baud: int) -> type[Model] | None:
+        """Give the model of the servo that is known there."""
+        return next((servo.model for servo in self._servos if _place(servo) == (family, id, baud)), None)
 
     def adopt(self, found: FoundServo, survey: ScanResult) -> S | None:
         """Know a servo that a scan has found, as it was seen then; None for a model that is not known here.

@@ -7,10 +7,11 @@ sends in a burst what it should have sent before.
 import math
 from collections.abc import AsyncIterator, Iterator
 
+from servobus.core.arguments import check_above_0
 from servobus.core.exchange import Pause, Procedure
 from servobus.core.operation import Awaiting, Blocking
 from servobus.core.values import frozen
-from servobus.errors import BadValue, UsageError
+from servobus.errors import UsageError
 from servobus.transports.base import Transport
 
 EXACT = 1e-9
@@ -42,9 +43,7 @@ class Rate:
     """
 
     def __init__(self, bus: Blocking | Awaiting, transport: Transport, period: float) -> None:
-        if not 0 < period < math.inf:
-            raise BadValue(f"a period of {period} s is not a time above 0")
-        self.period = period
+        self.period = check_above_0("period", period)
         self.ticks = self.missed = self.overruns = 0
         self.worst = 0.0
         self._bus, self._clock = bus, transport.now

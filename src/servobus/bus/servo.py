@@ -9,14 +9,25 @@ from contextlib import suppress
 from enum import IntFlag
 from typing import Any, TypeVar
 
+from servobus.core.arguments import check_baud, check_mapping, one_or_several
 from servobus.core.closed import Closed
 from servobus.core.exchange import Exchange, Job, Procedure
+from servobus.core.ids import check_id
 from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register
-from servobus.core.units import Flags
+from servobus.core.units import Flags, finite, said
 from servobus.core.values import replace
-from servobus.errors import BusError, Restarted, UsageError
-from servobus.families.base import Answers, Family, KnownServo, Model, ServoRef, StopOutcome, policy_register
+from servobus.errors import BadValue, BusError, Restarted, UsageError
+from servobus.families.base import (
+    Answers,
+    Family,
+    KnownServo,
+    Model,
+    ServoRef,
+    StopOutcome,
+    policy_register,
+    require_model,
+)
 from servobus.families.record import MotionPermit, SafeAction, ServoRecord, check_max_step
 from servobus.jobs import reconfigure
 from servobus.jobs.backup import Backup, backup, restore
@@ -166,22 +177,25 @@ class Servo(Closed):
         """
         if self._asked is not self.target:
             self._asked, self._questions = self.target, {}
-        question = self._questions.get(register)
+        try:
+            question = self._questions.get(register)
+        except TypeError:  # a list, perhaps
+            raise UsageError(f"read() reads one register, not {register!r:.60}; read_many() reads several") from None
         if question is None:
             question = self._questions[register] = self._question(self._own(register))
         return question
 
     @bus_method
-    def read_many(self, registers: Iterable[Register[Any] | str]) -> Procedure[dict[str, Any]]:
+    def read_many(self, registers: Iterable[Register[Any] | str] | Register[Any] | str) -> Procedure[dict[str, Any]]:
         """Read several registers in as few exchanges as possible; gives name -> value."""
-        rows = [self._own(register) for register in registers]
+        rows = self._several(registers)
         values = yield from self.family.read(self.target, rows)
         return {row.name: row.decode(raw, self.target) for row, raw in zip(rows, values, strict=True)}
 
     @bus_method
-    def read_raw(self, registers: Iterable[Register[Any] | str]) -> Procedure[list[int]]:
+    def read_raw(self, registers: Iterable[Register[Any] | str] | Register[Any] | str) -> Procedure[list[int]]:
         """Read several registers as raw integers."""
-        return self.family.read(self.target, [self._own(register) for register in registers])
+        return self.family.read(self.target, self._several(registers))
 
     @bus_method
     def write(self, register: Register[T] | str, value: T) -> Procedure[None]:
@@ -217,6 +231,22 @@ class Servo(Closed):
     ) -> Procedure[PlannedMove]:
         """Start a move and give what is needed to wait for its end; see `move`."""
         planned = yield from plan({self.target: angle}, time=time, speed=speed)
+        require_torque(planned)
+        yield from start_move(planned)
+        return planned
+
+    @bus_method
+    @urgent(Priority.MOTION)
+    def start_move_by(
+        self, angle: float, *, time: float | None = None, speed: float | None = None
+    ) -> Procedure[PlannedMove]:
+        """Start a move by an angle in rad from where the servo is, and give what is needed to wait for its end."""
+        way = finite(angle)
+        if way is None:
+            raise BadValue(f"{self.target}: {said(angle)} is not a number; an angle is in radians, such as 5 * deg")
+        row = self.model.register("present_position")
+        (raw,) = yield from self.family.read(self.target, [row])
+        planned = yield from plan({self.target: row.decode(raw, self.target) + way}, time=time, speed=speed)
         require_torque(planned)
         yield from start_move(planned)
         return planned
@@ -264,6 +294,10 @@ class Servo(Closed):
     @urgent(Priority.MOTION)
     def turn(self, *, speed: float | None = None, output: float | None = None) -> Procedure[None]:
         """Turn without end. `speed` in rad/s (HerkuleX) or `output` as a share -1 .. 1 (RX-28, LX-16A)."""
+        require_model(self.target, "turn without end")
+        if speed is None and output is None:
+            example = "speed=20 * rpm" if self.model.turns_at_speed() else "output=0.3"
+            raise UsageError(f"{self.target}: say how fast, as in turn({example})")
         self._go()
         yield from self.family.turn(self.target, speed=speed, output=output)
 
@@ -275,8 +309,12 @@ class Servo(Closed):
         An RX-28 turns without end because its angle limits are 0; `limits` (rad) are the ones to set again,
         the full range by default.
         """
+        require_model(self.target, "come back from endless turn")
         raw = None
         if limits is not None:
+            given: object = limits
+            if not isinstance(given, tuple | list) or len(given) != 2:
+                raise UsageError(f"limits {given!r:.60} are not two angles, as in (20 * deg, 280 * deg)")
             low, high = (self.model.register(name) for name in ("min_position", "max_position"))
             raw = low.encode(limits[0]), high.encode(limits[1])
         self._go()
@@ -292,7 +330,7 @@ class Servo(Closed):
     @bus_method
     def reboot(self) -> Procedure[None]:
         """Restart the servo: RAM registers get their start values, torque goes off."""
-        yield from self.family.reboot(self.target)
+        yield from reconfigure.reboot(self.target)
         self.permit.mark_idle()
         yield from self._meet_again(self.id)
 
@@ -315,14 +353,13 @@ class Servo(Closed):
         If the line fails on the way the servo is looked for under both ids: BusError says that it has the old one,
         NoReply that it has neither. The id here is the one under which it was found.
         """
-        yield from reconfigure.change_id(self.target, id)
+        yield from reconfigure.change_id(self.target, check_id(id))
         self._follow(id, self.baud)
 
     @bus_method
     def change_baud(self, baud: int) -> Procedure[None]:
         """Set the servo to another speed and check that it answers there; see `change_id` for a line that fails."""
-        yield from reconfigure.change_baud(self.target, baud)
-        self._follow(self.id, baud)
+        self._follow(self.id, (yield from reconfigure.change_baud(self.target, check_baud(baud))))
         yield from self._meet_again(self.id)
 
     @bus_method
@@ -337,6 +374,9 @@ class Servo(Closed):
         Raises UsageError for a backup of another model, before anything is written. Which requests the servo answers
         is set last.
         """
+        given: object = saved
+        if not isinstance(given, Backup):
+            raise UsageError(f"restore() takes a Backup, as Backup.parse(text) gives, not {given!r:.60}")
         policy = policy_register(self.model)
         wanted = {} if policy is None or policy.name not in saved.values else {policy: saved.values[policy.name]}
         return (yield from self._under_new_policy(wanted, restore(self.target, saved)))
@@ -348,7 +388,7 @@ class Servo(Closed):
         return self._flags_text(self.alarms)
 
     def __str__(self) -> str:
-        text = f"{self.model.title} id {self.id} at {self.baud}"
+        text = f"{self.target} at {self.baud}"
         if self.state is not None:
             text += f": {self.state}"
         if self.alarms:
@@ -374,6 +414,13 @@ class Servo(Closed):
         if hasattr(type(self), name):
             return f"{self.target}: {name} cannot be set; to write a register: {example}"
         return f"{self.target} has no attribute {name!r}; to write a register: {example}"
+
+    def _no_such_attribute(self, name: str) -> str:
+        """Say how a register is read that was taken for an attribute."""
+        row = self.model.registers.get(self.model.aliases.get(name, name))
+        if row is None:
+            return f'{self.target} has no attribute {name!r}; to read a register: servo.read("present_position")'
+        return f'{self.target}: to read a register: servo.read("{name}"); nothing was asked'
 
     def _meet_again(self, id: int) -> Procedure[None]:
         """Learn by what policy the servo answers now that it may have restarted."""
@@ -406,10 +453,14 @@ class Servo(Closed):
             raise UsageError(f"{register!r} is no register: give one such as {example}, or its name")
         return self.model.own(register)
 
+    def _several(self, registers: Iterable[Register[Any] | str] | Register[Any] | str) -> list[Register[Any]]:
+        """Give the rows of several registers, or of one."""
+        return [self._own(register) for register in one_or_several(registers, lambda one: isinstance(one, Register))]
+
     def _rows(self, values: Mapping[Any, V]) -> dict[Register[Any], V]:
         """Give values by register. Raises UsageError for one that is given twice, by its name and by an alias."""
         rows: dict[Register[Any], V] = {}
-        for register, value in values.items():
+        for register, value in check_mapping("values", values, "{RX28.led: True}").items():
             row = self._own(register)
             if row in rows:
                 raise UsageError(f"{self.target}: {row.name} is given twice")

@@ -47,7 +47,7 @@ def backup(port: str, ids: Ids, where: Where, files: tuple[str, ...], output: st
                 raise UsageError(f"{servo.target}: {path} is that of another servo by now; write {{model}} in it too")
             taken.add(path)
             write_backup(saved, path, force=force, otherwise="choose another name, or replace it with --force")
-            click.echo(f"{len(saved.values)} settings of {saved.model.title} id {saved.id} saved to {path}")
+            click.echo(f"{len(saved.values)} settings of {saved.model.named(f'id {saved.id}')} saved to {path}")
 
         for_each(bus, where, ids, save)
 

@@ -21,7 +21,9 @@ from servobus.cli.options import (
     verb,
 )
 from servobus.cli.output import console, note, print_json
+from servobus.cli.stop import stop_all
 from servobus.core.units import parse, show, shown
+from servobus.core.values import frozen
 from servobus.errors import BadValue
 
 if TYPE_CHECKING:
@@ -40,6 +42,7 @@ GRACE = 2.0
     "servobus move /dev/ttyUSB0 1=90",
     "servobus move /dev/ttyUSB0 1=90 2=45.5 3=1.2rad --time 1.5",
     "servobus move /dev/ttyUSB0 1-4,7=150",
+    "servobus move /dev/ttyUSB0 1+=5 2-=5      # 5° further, 5° back",
     "servobus move virtual:lx16a@1,2 1=0 2=240 --speed 60deg/s",
 )
 @on_port
@@ -59,7 +62,8 @@ def move(
 ) -> None:
     """Move servos on PORT to angles, so that they start and arrive together.
 
-    Angles are degrees (90, 90deg) or 1.57rad. Torque that is off is switched on, from where each servo is,
+    Angles are degrees (90, 90deg) or 1.57rad; 1=-5 is the angle -5°. From where a servo is, 1+=5 (or 1=+5) goes 5°
+    further and 1-=5 goes 5° back. ID is 1, 1-4,7 or `all`. Torque that is off is switched on, from where each servo is,
     and stays on. Nothing moves unless all of it can be done. Ctrl-C stops the servos where they are.
     """
     if time is not None and speed is not None:
@@ -83,7 +87,7 @@ def move(
             else:
                 under_way.wait()
         except KeyboardInterrupt:
-            stop_all(servos)
+            stop_all(bus, servos)
             raise click.exceptions.Exit(130) from None
         except MoveTimeout:
             _print_positions(bus, servos, angles, json=json)
@@ -92,14 +96,40 @@ def move(
             _print_positions(bus, servos, angles, json=json)
 
 
-def _goals(texts: Sequence[str]) -> dict[int | Literal["all"], float]:
-    """Read ID=ANGLE..., where ID may be 1-4,7 or `all`: id -> angle in rad."""
-    goals: dict[int | Literal["all"], float] = {}
-    for text in texts:
-        word, angle = split_assignment(text, "ID=ANGLE, such as 1=90")
-        ids = IDS.convert(word, None, None)
+@frozen
+class Goal:
+    """Where a servo is to go: an angle in rad, or so far from where it is."""
+
+    angle: float
+    relative: bool
+
+    @classmethod
+    def parse(cls, sign: str, text: str) -> "Goal":
+        """Read what stands before and behind the = of "1=90", "1=+5", "1+=5" and "1-=5". Raises ValueError."""
         try:
-            goal = parse(angle, "rad")
+            angle = parse(text, "rad")
+        except ValueError as error:
+            hint = "; an angle is 90, 90deg or 1.57rad" if "unit" in str(error) else ""
+            raise ValueError(f"{error}{hint}") from None
+        return cls(-angle if sign == "-" else angle, bool(sign) or text.startswith("+"))
+
+    def of(self, servo: BusServo) -> float:
+        """Give the angle that is meant for a servo; a relative one asks where it is."""
+        if not self.relative:
+            return self.angle
+        here: float = servo.read("present_position")
+        return here + self.angle
+
+
+def _goals(texts: Sequence[str]) -> dict[int | Literal["all"], Goal]:
+    """Read ID=ANGLE..., where ID may be 1-4,7 or `all`."""
+    goals: dict[int | Literal["all"], Goal] = {}
+    for text in texts:
+        word, angle = split_assignment(text, "ID=ANGLE, such as 1=90, or 1+=5 for 5° further")
+        sign = word[-1] if word.endswith(("+", "-")) else ""
+        ids = IDS.convert(word.removesuffix(sign), None, None)
+        try:
+            goal = Goal.parse(sign, angle)
         except ValueError as error:
             raise BadValue(f"id {word}: {error}") from None
         for id in [ALL] if isinstance(ids, str) else ids:
@@ -111,11 +141,12 @@ def _goals(texts: Sequence[str]) -> dict[int | Literal["all"], float]:
     return goals
 
 
-def _by_servo(bus: Bus, where: Where, goals: Mapping[int | Literal["all"], float]) -> dict[BusServo, float]:
-    """Find the servos, and give the goal of each. Raises ServobusError if one of them is not there."""
+def _by_servo(bus: Bus, where: Where, goals: Mapping[int | Literal["all"], Goal]) -> dict[BusServo, float]:
+    """Find the servos, and give the angle that each shall go to. Raises ServobusError if one of them is not there."""
     if ALL in goals:
-        return dict.fromkeys(find_all(bus, where, ALL), goals[ALL])
-    return {servo: goals[servo.id] for servo in find_all(bus, where, tuple(id for id in goals if id != ALL))}
+        return {servo: goals[ALL].of(servo) for servo in find_all(bus, where, ALL)}
+    servos = find_all(bus, where, tuple(id for id in goals if id != ALL))
+    return {servo: goals[servo.id].of(servo) for servo in servos}
 
 
 def _start(bus: Bus, angles: Mapping[BusServo, float], time: float | None, speed: float | None, *, quiet: bool) -> Move:
@@ -131,18 +162,6 @@ def _start(bus: Bus, angles: Mapping[BusServo, float], time: float | None, speed
     if without_torque and not quiet:
         note(f"torque switched on: {', '.join(f'id {servo.id}' for servo in without_torque)}")
     return Move(bus, planned)
-
-
-def stop_all(servos: Sequence[BusServo]) -> None:
-    """Stop all of them, whatever else goes wrong."""
-    note("")  # the terminal shows ^C: what comes next starts on a line of its own
-    for servo in servos:
-        try:
-            servo.stop()
-        except ServobusError as error:
-            note(f"servobus: {servo.target} may still move: {error}")
-        else:
-            note(f"{servo.target} stopped")
 
 
 def _show_progress(bus: Bus, servos: Sequence[BusServo], angles: Mapping[BusServo, float], under_way: Move) -> None:

@@ -13,12 +13,14 @@ import click
 import servobus
 from servobus import Bus, BusServo
 from servobus.cli.app import Verb
+from servobus.core.arguments import check_baud
 from servobus.core.ids import LAST_ID, check_id, parse_ids
 from servobus.core.units import parse
 from servobus.errors import BadValue, NoReply, ServobusError, UnknownName, UsageError
 from servobus.families import registry
 from servobus.families.base import Family, Model
 from servobus.jobs.scan import ScanResult, scan, unknown_model
+from servobus.safety.signals import ENDING
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -117,9 +119,7 @@ class BaudType(click.ParamType[int | Literal["all"]]):
             baud = int(value)
         except ValueError:
             self.fail(f"{value!r} is neither a number of baud nor `all`", param, ctx)
-        if not 1 <= baud <= 4_000_000:
-            raise BadValue(f"{baud} is not a speed in baud")
-        return baud
+        return check_baud(baud)
 
 
 class UnitType(click.ParamType[float]):
@@ -194,6 +194,12 @@ class Where:
         if self.baud == ALL:
             return self.usual_bauds(family)
         return registry.factory_bauds(family) if self.model is None else (self.model.factory_baud,)
+
+    def everywhere(self) -> list[tuple[Family, tuple[int, ...]]]:
+        """Give the families, each with all speeds that its servos can have, or with the one that is asked for."""
+        if isinstance(self.baud, int):
+            return list(self.rounds())
+        return [(family, self.usual_bauds(family)) for family in self._families()]
 
     def usual_bauds(self, family: Family) -> tuple[int, ...]:
         """Give the speeds that servos of a family can have."""
@@ -284,9 +290,7 @@ def as_json(command: F) -> F:
 
 
 def open_port(port: str) -> Bus:
-    """Open a port, for `with`. Raises BadValue if its name is empty."""
-    if not port.strip():
-        raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
+    """Open a port, for `with`."""
     return servobus.open(port)
 
 
@@ -392,30 +396,39 @@ def for_each(bus: Bus, where: Where, ids: Ids, action: Callable[[BusServo], None
 
 @contextlib.contextmanager
 def sigterm_as_interrupt() -> Iterator[None]:
-    """Let SIGTERM raise KeyboardInterrupt, as Ctrl-C does, so that servos are made safe after both."""
+    """Let what ends a program raise KeyboardInterrupt, as Ctrl-C does, so that servos are made safe.
+
+    That is SIGTERM, SIGHUP (the terminal was closed) and SIGQUIT; not one that is ignored, as SIGHUP is under nohup.
+    """
 
     def stop(_signal: int, _frame: FrameType | None) -> None:
         raise KeyboardInterrupt
 
+    old: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():  # no other gets signals
+        old = {number: signal.getsignal(number) for number in ENDING}
+        old = {number: handler for number, handler in old.items() if handler not in (None, signal.SIG_IGN)}
     try:
-        old = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not the main thread: it gets no signals
-        yield
-        return
-    try:
+        for number in old:
+            signal.signal(number, stop)
         yield
     finally:
-        signal.signal(signal.SIGTERM, old)
+        for number, handler in old.items():
+            signal.signal(number, handler)
 
 
 def stop_on_signals() -> threading.Event:
-    """Give an event that Ctrl-C, SIGTERM and the end of the terminal set, for commands that run until then."""
+    """Give an event that Ctrl-C, SIGTERM and the end of the terminal set, for commands that run until then.
+
+    A signal that is ignored stays so, as SIGHUP under nohup.
+    """
     stop = threading.Event()
 
     def handle(_signal: int, _frame: FrameType | None) -> None:
         stop.set()
 
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):  # Windows has no SIGHUP
-            signal.signal(getattr(signal, name), handle)
+        number = getattr(signal, name, None)  # Windows has no SIGHUP
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handle)
     return stop

@@ -1,5 +1,6 @@
 """Printing: results to standard output, notes beside them to standard error."""
 
+import contextlib
 import json
 import sys
 from collections.abc import Iterator
@@ -18,8 +19,9 @@ WIDE = 200
 
 
 def note(text: str) -> None:
-    """Print a note beside the result, on standard error."""
-    click.echo(text, err=True)
+    """Print a note beside the result, on standard error. A terminal that is gone is no reason to fail."""
+    with contextlib.suppress(OSError):
+        click.echo(text, err=True)
 
 
 def print_json(data: Any) -> None:

@@ -142,7 +142,7 @@ def _write(
         note(f"{servo.target} answers no reads, so it was not read back")
         return
     for (row, raw), now in zip(raws.items(), new, strict=True):
-        if now != raw:
+        if not row.took(raw, now):
             raise BusError(
                 f"{servo.target} did not take {row.name} = {value_text(row, raw)}: it is {value_text(row, now)}"
             )

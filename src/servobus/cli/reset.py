@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from servobus import BusServo, ServobusError
+from servobus.cli.advice import command_for
 from servobus.cli.backup import write_backup
 from servobus.cli.options import Ids, Where, find, for_each, on_servo, on_servos, open_port, verb
 from servobus.errors import BadValue, UsageError
@@ -34,6 +35,7 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
             raise BadValue(f"--keep {', '.join(sorted(unknown))}: only {', '.join(keepable)} can be kept")
     with open_port(port) as bus:
         servo = find(bus, where, id)
+        servo.family.check_reset(servo.target, kept)
         old_baud = servo.baud
         saved = servo.backup()
         less = f", less {', '.join(sorted(kept))}" if kept else ", id and speed included"
@@ -46,14 +48,13 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
         except UsageError:
             path.unlink()  # refused before anything was sent: there is nothing to undo
             raise
-    click.echo(f"{saved.model.title} id {id} is reset: id {servo.id} at {servo.baud} baud now")
+    click.echo(f"{saved.model.named(f'id {id}')} is reset: id {servo.id} at {servo.baud} baud now")
     click.echo(f"its settings before are in {path}; to undo:")
-    port = shlex.quote(port)
-    click.echo(f"  servobus restore {port} {servo.id} {shlex.quote(str(path))}")
+    click.echo(f"  {command_for(servo, where, 'restore', port, servo.id, shlex.quote(str(path)))}")
     if servo.id != id:
-        click.echo(f"  servobus set-id {port} {servo.id} {id}")
+        click.echo(f"  {command_for(servo, where, 'set-id', port, servo.id, id)}")
     if servo.baud != old_baud:
-        click.echo(f"  servobus set-baud {port} {id} {old_baud}")
+        click.echo(f"  {command_for(servo, where, 'set-baud', port, id, old_baud)}")
 
 
 @verb("reboot", "servobus reboot /dev/ttyUSB0 219", "servobus reboot /dev/ttyUSB0 219,220")

@@ -4,6 +4,7 @@ import click
 
 from servobus.cli.options import ID, Where, find, on_port, on_servo, open_port, verb
 from servobus.families import registry
+from servobus.jobs.reconfigure import is_one_speed
 
 
 @verb("set-id", "servobus set-id /dev/ttyUSB0 1 7", "servobus set-id /dev/ttyUSB0 1 7 --family dynamixel")
@@ -18,7 +19,7 @@ def set_id(port: str, where: Where, old: int, new: int) -> None:
     with open_port(port) as bus:
         servo = find(bus, where, old)
         servo.change_id(new)
-        click.echo(f"{servo.model.title} id {old} is now id {new}")
+        click.echo(f"{servo.model.named(f'id {old}')} is now id {new}")
 
 
 @verb("set-baud", "servobus set-baud /dev/ttyUSB0 1 1000000", "servobus set-baud /dev/ttyUSB0 1 57600 --baud all")
@@ -27,12 +28,17 @@ def set_id(port: str, where: Where, old: int, new: int) -> None:
 def set_baud(port: str, id: int, where: Where, new: int) -> None:
     """Set the servo ID on PORT to another speed, for good, and check that it answers there.
 
-    All servos on one bus should have the same speed.
+    The speeds of its model are those that `--baud all` looks at; at another one no scan would find it, so it is
+    refused. All servos on one bus should have the same speed.
     """
     with open_port(port) as bus:
         servo = find(bus, where, id)
         old = servo.baud
         servo.change_baud(new)
-        click.echo(f"{servo.target} talks at {new} baud now (before: {old})")
-        if new not in registry.factory_bauds(servo.family):
-            click.echo(f"find it with --baud {new}")
+        same = f"; {new} is the same to it" if servo.baud != new else ""
+        if is_one_speed(servo.model, old, servo.baud):
+            click.echo(f"{servo.target} talks at {servo.baud} baud already{same}")
+        else:
+            click.echo(f"{servo.target} talks at {servo.baud} baud now (before: {old}){same}")
+        if servo.baud not in registry.factory_bauds(servo.family):
+            click.echo(f"find it with --baud {servo.baud}")

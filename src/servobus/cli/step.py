@@ -12,7 +12,6 @@ import click
 import servobus
 from servobus import MODELS, BusServo, UsageError, deg
 from servobus.cli import plot
-from servobus.cli.move import stop_all
 from servobus.cli.options import (
     ANGLE,
     SECONDS,
@@ -27,6 +26,7 @@ from servobus.cli.options import (
 )
 from servobus.cli.output import note, print_json
 from servobus.cli.response import Response, Sample
+from servobus.cli.stop import stop_all
 from servobus.core.ids import check_id
 from servobus.core.units import show, shown
 from servobus.errors import BadValue, ServobusError
@@ -187,7 +187,7 @@ def _real_response(
             while (moment := time.monotonic() - begin) < seconds:
                 samples.append(Sample(moment, servo.read(row)))
             servo.move(here, speed=RETURN_SPEED).wait()
-    return Response(here, goal, tuple(samples), servo.model.sheet.resolution), f"{servo.target} on {port}"
+    return Response(here, goal, tuple(samples), row.scale.decode(1) - row.scale.decode(0)), f"{servo.target} on {port}"
 
 
 def _ask_limits(servo: BusServo, here: float) -> tuple[float, float]:
@@ -208,10 +208,10 @@ def _torque_restored(servo: BusServo, *, torque: bool) -> Iterator[None]:
             servo.torque_on()
         yield
     except KeyboardInterrupt:
-        stop_all([servo])
+        stop_all(servo._bus, [servo])
         raise click.exceptions.Exit(130) from None
     except ServobusError:
-        servo.stop()
+        stop_all(servo._bus, [servo])
         raise
     finally:
         if not torque:

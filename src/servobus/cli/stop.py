@@ -1,49 +1,46 @@
 """`stop` and `torque`: stop servos, and switch their torque."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import click
 
 from servobus import Bus, BusServo, ServobusError
-from servobus.cli.options import ALL, Ids, Where, find_all, on_servos, open_port, verb
+from servobus.cli.options import ALL, TRIES, Ids, Where, find_all, on_servos, open_port, verb
 from servobus.cli.output import note, warn_alarms
 from servobus.core.ids import BROADCAST, LAST_ID
-from servobus.errors import NoReply
-from servobus.families.base import Answers, KnownServo, ServoRef
-from servobus.jobs.scan import ScanProgress, scan
+from servobus.errors import NoReply, StopFailed
+from servobus.families import registry
+from servobus.families.base import Family, StopOutcome
+from servobus.jobs.everyone_off import everyone_off
+from servobus.jobs.scan import FoundServo, ScanProgress, scan
+
+Rounds = Sequence[tuple[Family, Sequence[int]]]
+"""Families, each with speeds."""
 
 
 @verb(
     "stop",
     "servobus stop /dev/ttyUSB0 1-4,7",
     "servobus stop /dev/ttyUSB0 all --family lewansoul",
-    "servobus torque /dev/ttyUSB0 all off    # quickest: one broadcast",
+    "servobus torque /dev/ttyUSB0 all off    # quickest: everybody is told at once",
 )
 @on_servos
 def stop(port: str, ids: Ids, where: Where) -> None:
-    """Stop servos on PORT where they are. Their torque stays on.
+    """Stop servos on PORT where they are, each as soon as it is found.
 
-    `all` looks for every servo and stops each as soon as it is found, which takes up to half a minute;
-    `servobus torque PORT all off` takes the power at once.
+    A servo is held where it is. Its torque is switched off if it stands outside its limits, or cannot be held for
+    another reason; what was done is printed. An id that does not answer at the factory speeds is looked for at all
+    others, and at last its torque is switched off without an answer. What may still move is told at the end.
+
+    `all` asks every id, at the factory speeds, which takes up to half a minute; `servobus torque PORT all off` takes
+    the power at once, at every speed.
     """
-    failed: list[str] = []
 
     def stop_one(servo: BusServo) -> None:
-        try:
-            servo.stop()
-        except ServobusError as error:
-            failed.append(f"{servo.target} may still move: {error}")
-        else:
-            click.echo(f"{servo.target} stopped")
+        click.echo(f"{servo.target} stopped: {servo.stop()}")
 
     with open_port(port) as bus:
-        if ids != ALL:
-            for servo in find_all(bus, where, ids, shared=True):
-                stop_one(servo)
-        else:
-            _find_every_servo(bus, where, stop_one)
-    if failed:
-        raise ServobusError("; ".join(failed))
+        _each_as_it_is_found(bus, where, ids, stop_one)
 
 
 @verb(
@@ -56,51 +53,119 @@ def stop(port: str, ids: Ids, where: Where) -> None:
 def torque(port: str, ids: Ids, where: Where, state: str) -> None:
     """Switch the torque of servos on PORT on or off.
 
-    On: each holds where it is, nothing jumps. Off: each shaft turns freely, so support what it carries.
-    `all off` is one broadcast per family, which every servo obeys at once and none answers.
+    On: each holds where it is, nothing jumps, and none is switched on unless all are found. Off: each shaft turns
+    freely, so support what it carries; each is switched off as soon as it is found, as `stop` does.
+
+    `all off` looks for nobody: within two seconds every id is told, twice at each speed that servos of each family can
+    be set to, or at --baud. No servo answers that.
     """
+
+    def switched(servo: BusServo) -> None:
+        click.echo(f"{servo.target}: torque {state}")
+        warn_alarms(servo)
+
+    def switch_off(servo: BusServo) -> None:
+        servo.torque_off()
+        switched(servo)
+
     with open_port(port) as bus:
-        if ids == ALL and state == "off":
-            _broadcast_torque_off(bus, where)
-            return
-        servos = find_all(bus, where, ids, shared=state == "off")
         if state == "on":
+            servos = find_all(bus, where, ids)
             bus.torque_on(servos)
+            for servo in servos:
+                switched(servo)
+        elif ids == ALL:
+            rounds = where.everywhere()
+            _tell_torque_off(bus, where, rounds)
+            click.echo(f"torque off: told all ids of {_said(rounds)}")
+            note("no servo answers that; `servobus scan` shows which obeyed")
         else:
-            bus.torque_off(servos)
-        for servo in servos:
-            click.echo(f"{servo.target}: torque {state}")
-            warn_alarms(servo)
+            _each_as_it_is_found(bus, where, ids, switch_off)
 
 
-def _find_every_servo(bus: Bus, where: Where, then: Callable[[BusServo], None]) -> list[BusServo]:
-    """Find every servo, and do something with each as soon as it is found. Raises NoReply if there is none."""
-    servos: list[BusServo] = []
+def stop_all(bus: Bus, servos: Iterable[BusServo]) -> None:
+    """Stop all of them, whatever else goes wrong, and tell of each."""
+    note("")  # the terminal shows ^C: what comes next starts on a line of its own
+    failed = ""
+    outcomes: Mapping[BusServo, StopOutcome] = {}
+    try:
+        outcomes = bus.stop(servos)
+    except StopFailed as error:
+        outcomes, failed = error.stopped, str(error)
+    except ServobusError as error:
+        failed = f"servos may still move: {error}"
+    for servo, outcome in outcomes.items():
+        note(f"{servo.target} stopped: {outcome}")
+    if failed:
+        note(f"servobus: {failed}")
 
-    def watch(progress: ScanProgress) -> None:
+
+def _each_as_it_is_found(bus: Bus, where: Where, ids: Ids, action: Callable[[BusServo], None]) -> None:
+    """Do something with each servo as soon as it is found, all that share an id among them.
+
+    Raises ServobusError at the end that names those with which it failed, and the ids that nobody answers to.
+    """
+    failed: list[str] = []
+    met: set[int] = set()
+
+    def found_one(progress: ScanProgress) -> None:
         found = progress.found
-        if found is None or found.model is None:
+        if found is None:
             return
+        met.add(found.id)
         # Nothing is on the line while a watcher is called, so it may use the bus.
-        servo = bus.attach(found.model, found.id, baud=found.baud, answers=found.identity.answers)
-        then(servo)
-        servos.append(servo)
+        try:
+            servo = _known(bus, found)
+            if found.model is None:
+                servo.torque_off()
+                click.echo(f"{found.family.title} id {found.id}, of an unknown model: let go, its torque is off")
+            else:
+                action(servo)
+        except ServobusError as error:
+            failed.append(f"{found.family.title} id {found.id} may still move: {error}")
+
+    def look(rounds: Rounds, ids: Iterable[int]) -> None:
+        asked = list(ids)
+        for family, bauds in rounds if asked else ():
+            bus.do(scan([family], bauds, asked, found_one, identify=bus.identify))
 
     bus.models = where.model
-    for family, bauds in where.rounds():
-        bus.do(scan([family], bauds, range(LAST_ID + 1), watch, identify=bus.identify))
-    if not servos:
-        raise NoReply(f"{bus.transport.name}: no servo answers ({where})")
-    return servos
+    rounds = list(where.rounds())
+    if ids == ALL:
+        look(rounds, range(LAST_ID + 1))
+        if not met:
+            failed.append(f"{bus.transport.name}: no servo answers ({where}); `servobus torque PORT all off` asks none")
+    else:
+        for _ in range(TRIES):
+            look(rounds, [id for id in ids if id not in met])
+        tried = rounds
+        if where.baud is None and (missing := [id for id in ids if id not in met]):
+            note(f"looking for {_ids(missing)} at every speed")
+            tried = where.everywhere()
+            look(tried, missing)
+        for id in [id for id in ids if id not in met]:
+            _tell_torque_off(bus, where, tried, id)
+            failed.append(
+                f"{bus.transport.name}: no servo answers to id {id} (tried {_said(tried)}), so it may still move; "
+                "it was told to switch its torque off all the same"
+            )
+    if failed:
+        raise NoReply("; ".join(failed))
 
 
-def _broadcast_torque_off(bus: Bus, where: Where) -> None:
-    for family, bauds in where.rounds():
-        # One broadcast for each place at which models of this family have their torque.
-        models = {model.register("torque_enable").place: model for model in where.models_of(family)}
-        for model in models.values():
-            for baud in bauds:
-                everyone = KnownServo.of(ServoRef(BROADCAST, model, Answers.READS), baud)
-                bus.do(family.torque(everyone, on=False), baud=baud)
-    click.echo(f"torque off: told every servo ({where})")
-    note("no servo answers a broadcast; `servobus scan` shows which obeyed")
+def _known(bus: Bus, found: FoundServo) -> BusServo:
+    model = registry.first_model(found.family) if found.model is None else found.model
+    return bus.attach(model, found.id, baud=found.baud, answers=found.identity.answers)
+
+
+def _tell_torque_off(bus: Bus, where: Where, rounds: Rounds, id: int = BROADCAST) -> None:
+    models = {family.name: list(where.models_of(family)) for family, _ in rounds}
+    bus.do(everyone_off(rounds, models, id))
+
+
+def _said(rounds: Rounds) -> str:
+    return ", ".join(f"{family.name} at {'/'.join(map(str, bauds))}" for family, bauds in rounds)
+
+
+def _ids(ids: Sequence[int]) -> str:
+    return f"id{'s' * (len(ids) > 1)} {', '.join(map(str, ids))}"

@@ -1,10 +1,9 @@
 """`turn`: endless turn, as a wheel."""
 
-import shlex
-
 import click
 
 from servobus import Bus, BusServo, ServobusError
+from servobus.cli.advice import command_for
 from servobus.cli.options import (
     ANGLE,
     SHARE,
@@ -17,8 +16,10 @@ from servobus.cli.options import (
     verb,
 )
 from servobus.cli.output import note, warn_alarms
+from servobus.cli.stop import stop_all
 from servobus.core.units import show
 from servobus.errors import BadValue, UsageError
+from servobus.families.base import require_model
 
 
 @verb(
@@ -49,6 +50,8 @@ def turn(
     """
     if [output is not None, speed is not None, end].count(True) != 1:
         raise click.UsageError("say one of --output, --speed and --end")
+    if output is not None and abs(output) > 1:
+        raise click.BadParameter(f"{100 * output:g} % is not in -100 .. 100", param_hint="--output")
     if limits is not None and not end:
         raise click.UsageError("--limits goes with --end")
     with open_port(port) as bus, sigterm_as_interrupt():
@@ -60,7 +63,7 @@ def turn(
             click.echo(f"{servo.target} takes angles again; it is at {_position_text(servo)}")
         else:
             _check_option(servo, speed)
-            _turn(bus, servo, output, speed)
+            _turn(bus, servo, where, output, speed)
         warn_alarms(servo)
 
 
@@ -72,13 +75,14 @@ def _check_limits(servo: BusServo, low: float, high: float) -> None:
 
 
 def _check_option(servo: BusServo, speed: float | None) -> None:
+    require_model(servo.target, "turn without end")
     if servo.model.turns_at_speed() and speed is None:
         raise UsageError(f"{servo.target} controls the speed at which it turns: give --speed DEG/S")
     if speed is not None and not servo.model.turns_at_speed():
         raise UsageError(f"{servo.target} cannot control the speed at which it turns: give --output PERCENT")
 
 
-def _turn(bus: Bus, servo: BusServo, output: float | None, speed: float | None) -> None:
+def _turn(bus: Bus, servo: BusServo, where: Where, output: float | None, speed: float | None) -> None:
     motion_status = bus.do(servo.family.motion_status(servo.target), baud=servo.baud)
     try:
         if not motion_status.torque:
@@ -93,18 +97,16 @@ def _turn(bus: Bus, servo: BusServo, output: float | None, speed: float | None) 
         if not motion_status.torque:
             note(f"torque switched on: id {servo.id}")
     except KeyboardInterrupt:
-        try:
-            servo.stop()
-        except ServobusError as error:
-            note(f"servobus: {servo.target} may still turn: {error}")
-        raise
+        stop_all(bus, [servo])
+        raise click.exceptions.Exit(130) from None
     pace = show(speed, "rad/s") if speed is not None else show(output or 0.0, "1") + " of full output"
-    port = shlex.quote(bus.transport.name)
-    click.echo(f"{servo.target} turns at {pace}; `servobus stop {port} {servo.id}` stops it")
+    port = bus.transport.name
+    click.echo(f"{servo.target} turns at {pace}; `{command_for(servo, where, 'stop', port, servo.id)}` stops it")
     if not motion_status.turning:
         row = servo.model.register("goal_position")
         low, high = (show(row.decode(raw), "rad").removesuffix("°") for raw in (motion_status.low, motion_status.high))
-        note(f"back to angles: servobus turn {port} {servo.id} --end --limits {low} {high}")
+        words = servo.id, "--end", "--limits", low, high
+        note(f"back to angles: {command_for(servo, where, 'turn', port, *words)}")
 
 
 def _position_text(servo: BusServo) -> str:

@@ -20,6 +20,10 @@ class Closed:
         """Say why this attribute cannot be set, and what to do instead."""
         return f"{type(self).__name__} has no attribute {name!r} that can be set"
 
+    def _no_such_attribute(self, name: str) -> str:
+        """Say that there is no such attribute, and what to do instead."""
+        return f"{type(self).__name__} has no attribute {name!r}"
+
     if not TYPE_CHECKING:  # type checkers tell of unknown attributes by themselves, unless they see this
 
         def __setattr__(self, name: str, value: Any) -> None:
@@ -29,3 +33,10 @@ class Closed:
                 if unknown or (known is not None and getattr(known, "fset", None) is None):
                     raise AttributeError(self._no_attribute(name), name=name, obj=self)
             object.__setattr__(self, name, value)
+
+        def __getattr__(self, name: str) -> Any:
+            # Called for what is not there. Before all is set up, and for names of Python's own, no hint is made.
+            said = f"{type(self).__name__!r} object has no attribute {name!r}"
+            if self._closed and not name.startswith("_"):
+                said = self._no_such_attribute(name)
+            raise AttributeError(said, name=name, obj=self)

@@ -141,6 +141,10 @@ class Exchange(Generic[T]):
         nothing: Any = {"replies": (), "reply": None, "reply_size": 0}
         return self._changed(interpret=ack_only, repeatable=True, anyway=True, **nothing)  # type: ignore[return-value] # as above
 
+    def behind(self, bytes_: bytes) -> Self:
+        """Make the same request with bytes before it that are no part of a packet."""
+        return self._changed(request=bytes_ + self.request)
+
     def strict(self) -> "Exchange[None]":
         """Make the same question, to which only a full reply counts, and that it came: a fence."""
         replies = tuple(reply.strict() for reply in self.replies)

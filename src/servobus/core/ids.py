@@ -1,7 +1,10 @@
 """Ids: the same in all three families."""
 
 import re
+from collections.abc import Iterable
+from numbers import Integral
 
+from servobus.core.units import said
 from servobus.errors import BadValue, UsageError
 
 BROADCAST = 254
@@ -11,10 +14,21 @@ LAST_ID = 253
 
 def check_id(id: int) -> int:
     """Give the id back, or raise BadValue if no single servo can have it."""
+    given: object = id
+    if isinstance(given, bool) or not isinstance(given, Integral):
+        raise BadValue(f"{said(given)} is no id: an id is a whole number 0 .. {LAST_ID}")
     if not 0 <= id <= LAST_ID:
         why = " (254 is the broadcast id: every servo would obey)" if id == BROADCAST else ""
-        raise BadValue(f"id {id} is not in 0 .. {LAST_ID}{why}")
-    return id
+        raise BadValue(f"id {said(id)} is not in 0 .. {LAST_ID}{why}")
+    return int(id)
+
+
+def check_ids(ids: int | Iterable[int]) -> list[int]:
+    """Give one id or several as a list. Raises BadValue."""
+    several: object = ids
+    if isinstance(several, str | bytes) or not isinstance(several, Iterable):
+        return [check_id(ids)]  # type: ignore[arg-type] # refused there if it is no number
+    return [check_id(id) for id in several]
 
 
 def parse_ids(text: str) -> list[int]:

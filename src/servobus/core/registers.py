@@ -16,9 +16,9 @@ from functools import partial
 from numbers import Integral
 from typing import Any, ClassVar, Generic, Literal, TypeAlias, TypeVar
 
-from servobus.core.units import Quantity, Scale, Switch
+from servobus.core.units import Quantity, Raw, Scale, Switch
 from servobus.core.values import frozen, replace
-from servobus.errors import BadReading, BadValue
+from servobus.errors import BadReading, BadValue, UsageError
 
 T = TypeVar("T")
 
@@ -147,12 +147,13 @@ class Register(Generic[T]):
     volatile  the servo changes it by itself, or by other commands: a changed value does not tell a restart
     motion    writing it can set the servo in motion
     latched   what went wrong stays in it until 0 is written there
+    live      bits that the servo sets and clears by itself, whatever is written there
     note      where the sources disagree: the erratum or manual section and the reading taken
     """
 
     __slots__ = (
-        "access", "aliases", "allowed", "area", "default", "latched", "layout", "limits", "meaning", "model", "motion",
-        "name", "note", "owner", "place", "scale", "volatile",
+        "access", "aliases", "allowed", "area", "default", "latched", "layout", "limits", "live", "meaning", "model",
+        "motion", "name", "note", "owner", "place", "scale", "volatile",
     )  # fmt: skip
 
     def __init__(
@@ -170,12 +171,13 @@ class Register(Generic[T]):
         volatile: bool = False,
         motion: bool = False,
         latched: bool = False,
+        live: int = 0,
         note: str = "",
     ) -> None:
         self.place, self.layout, self.scale, self.meaning = place, layout, scale, meaning
         self.default, self.limits, self.allowed = default, limits or layout.range, allowed
         self.access, self.area, self.note = access, area or place.area, note
-        self.volatile, self.motion, self.latched = volatile, motion, latched
+        self.volatile, self.motion, self.latched, self.live = volatile, motion, latched, live
         self.name = self.model = ""
         self.aliases: tuple[str, ...] = ()
         """Second names of the row."""
@@ -199,7 +201,7 @@ class Register(Generic[T]):
         """
         names = (
             "place", "layout", "scale", "meaning", "default", "limits", "allowed", "access", "area", "volatile",
-            "motion", "latched", "note",
+            "motion", "latched", "live", "note",
         )  # fmt: skip
         if unknown := changes.keys() - set(names):
             raise TypeError(f"{self}: a register has no {', '.join(sorted(unknown))}; it has {', '.join(names)}")
@@ -242,9 +244,18 @@ class Register(Generic[T]):
         low, high = self.limits
         return low <= raw <= high and (self.allowed is None or raw in self.allowed)
 
+    def took(self, raw: int, now: int) -> bool:
+        """Tell from what is there now whether the servo took a raw value that was written."""
+        return (raw ^ now) & ~self.live == 0
+
     def check(self, raw: int) -> int:
         """Give the raw value back, or raise BadValue if this register must not be given it."""
         if not self.writable:
+            if isinstance(self.scale, Raw):
+                raise BadValue(
+                    f"{self.model}: {self.name} can only be read as long as the model is not known, for its unit "
+                    "differs from model to model; --model, models= or attach() tells the model"
+                )
             raise BadValue(f"{self.model} {self.name} can only be read")
         given: object = raw
         if type(given) is not int:
@@ -325,6 +336,16 @@ class Register(Generic[T]):
         except ValueError:
             return f"raw {raw}"
         return shown if shown == str(raw) else f"{shown} (raw {raw})"
+
+
+def register_name(register: "Register[Any] | str") -> str:
+    """Give the name that stands for a register on every model. Raises UsageError for what is neither."""
+    given: object = register
+    if isinstance(given, Register):
+        return given.name
+    if not isinstance(given, str):
+        raise UsageError(f"{given!r:.60} is no register: give one such as RX28.present_position, or its name")
+    return given
 
 
 def check_row(row: Register[Any]) -> None:

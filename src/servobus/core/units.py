@@ -74,7 +74,7 @@ class Quantity(Scale[float]):
     def encode(self, value: float) -> int:
         steps = _number(value) / self.step
         if not math.isfinite(steps):
-            raise ValueError(f"{_said(value)} is not a number to send")
+            raise ValueError(f"{said(value)} is not a number to send")
         return round(steps) + self.zero
 
     def parse(self, text: str) -> float:
@@ -95,7 +95,7 @@ class Count(Scale[int]):
 
     def encode(self, value: int) -> int:
         if int(_number(value)) != value:
-            raise ValueError(f"{_said(value)} is not a whole number")
+            raise ValueError(f"{said(value)} is not a whole number")
         return int(value)
 
     def parse(self, text: str) -> int:
@@ -103,6 +103,24 @@ class Count(Scale[int]):
             return int(text, 0)
         except ValueError:
             raise ValueError(f"{text!r} is not a whole number") from None
+
+
+class Raw(Scale[float]):
+    """A raw integer that is a quantity of a unit not known here, for that differs from model to model."""
+
+    def decode(self, raw: int) -> float:
+        return raw
+
+    def encode(self, value: float) -> int:
+        if int(_number(value)) != value:
+            raise ValueError(f"{said(value)} is not a whole number, as a raw value is")
+        return int(value)
+
+    def show(self, value: float) -> str:
+        return f"{value} (raw)"
+
+
+RAW = Raw()
 
 
 @frozen
@@ -116,7 +134,7 @@ class Switch(Scale[bool]):
 
     def encode(self, value: bool) -> int:
         if value not in (0, 1):
-            raise ValueError(f"{_said(value)} is neither on nor off")
+            raise ValueError(f"{said(value)} is no switch: give True or False")
         return self.on if value else 1 - self.on
 
     def parse(self, text: str) -> bool:
@@ -149,7 +167,7 @@ class Choice(Scale[EnumT]):
             with suppress(ValueError, TypeError):
                 option = self.options(given)
         if option is None:
-            raise ValueError(f"{_said(value)} is not one of {self._names()}")
+            raise ValueError(f"{said(value)} is not one of {self._names()}")
         return int(option)
 
     def parse(self, text: str) -> EnumT:
@@ -179,8 +197,8 @@ class Flags(Scale[FlagT]):
 
     def encode(self, value: Any) -> int:
         if isinstance(value, bool) or not isinstance(value, Integral):
-            said = f"{_said(value)} is no set of flags: give {self.options.__name__}, or a whole number"
-            raise ValueError(said)  # noqa: TRY004 - a scale raises ValueError, whatever is wrong
+            text = f"{said(value)} is no set of flags: give {self.options.__name__}, or a whole number"
+            raise ValueError(text)  # noqa: TRY004 - a scale raises ValueError, whatever is wrong
         return int(_number(value))
 
     def parse(self, text: str) -> FlagT:
@@ -217,11 +235,11 @@ class BaudDivisor(Scale[int]):
 
     def encode(self, value: int) -> int:
         if not _number(value) > 0:
-            raise ValueError(f"{_said(value)} is not a speed")
-        raw = round(self.clock / value) - 1
+            raise ValueError(f"{said(value)} is not a speed")
+        raw = round(min(self.clock / value, self.clock)) - 1  # the quotient by a tiny number is infinite
         # A code that misses the wanted speed by 3 % or more would leave the servo unreachable.
         if raw < 0 or abs(self.clock / (raw + 1) / value - 1) >= 0.03:
-            raise ValueError(f"no code comes within 3 % of {_said(value)} baud")
+            raise ValueError(f"no code comes within 3 % of {said(value)} baud")
         return raw
 
     def parse(self, text: str) -> int:
@@ -250,7 +268,7 @@ class Lookup(Scale[int]):
         for code, meant in self.codes.items():
             if meant == value:
                 return code
-        raise ValueError(f"{_said(value)} {self.unit} is not one of {', '.join(map(str, self.codes.values()))}")
+        raise ValueError(f"{said(value)} {self.unit} is not one of {', '.join(map(str, self.codes.values()))}")
 
     def parse(self, text: str) -> int:
         return Count().parse(text)
@@ -263,22 +281,29 @@ LONGEST = 40
 """Characters of a value that a message repeats; a caller may pass a text of any length for a number."""
 
 
+def finite(value: Any) -> float | None:
+    """Give a number back that one can reckon with; None for a text, None, True, NaN, infinity, or what is as large."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return None
+    number: Any = value
+    try:
+        usable = math.isfinite(number)
+    except OverflowError:  # an int beyond the range of float
+        usable = False
+    return number if usable else None
+
+
 def _number(value: Any) -> float:
     """Give a finite number back. Raises ValueError for what is none: a text, None, True, NaN, infinity."""
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise ValueError(f"{_said(value)} is not a number")  # noqa: TRY004 - as all scales do
-    number: Any = value
-    try:
-        finite = math.isfinite(number)
-    except OverflowError:  # an int beyond the range of float
-        finite = False
-    if not finite:
-        raise ValueError(f"{_said(value)} is not a number to send")
-    result: float = number
-    return result
+        raise ValueError(f"{said(value)} is not a number")  # noqa: TRY004 - as all scales do
+    number = finite(value)
+    if number is None:
+        raise ValueError(f"{said(value)} is not a number to send")
+    return number
 
 
-def _said(value: object) -> str:
+def said(value: object) -> str:
     """Write a value that was refused: shortened, since it may be anything."""
     try:
         text = f"{value}" if isinstance(value, Real) else repr(value)

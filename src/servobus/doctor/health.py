@@ -1,5 +1,6 @@
 """What servos report: supply, heat, and errors that stay."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -27,14 +28,14 @@ _REARM = ("rearm", "$id")
 class Problem:
     """What is wrong with one servo. Servos with the same problem become one finding.
 
-    value  what was measured, and its unit; None if the words say it
+    value  what was measured, as the register of the check tells it; None if the words say it
     mends  words of each command that mends it, $id among them
     """
 
     servo: BusServo
     level: Severity
     check: str
-    value: tuple[float, str] | None
+    value: float | None
     words: str
     cause: str
     mends: tuple[tuple[str, ...], ...] = ()
@@ -58,10 +59,8 @@ def health(bus: Bus, servos: list[BusServo]) -> Iterator[Finding]:
             heard.append(servo)
     states = [servo.state for servo in heard if servo.state is not None]
     fine = {
-        "voltage": [Finding(Severity.OK, "voltage", span((state.voltage for state in states), "V"))] if states else [],
-        "temperature": [Finding(Severity.OK, "temperature", span((state.temperature for state in states), "degC"))]
-        if states
-        else [],
+        "voltage": list(_within("voltage", [state.voltage for state in states], "V")),
+        "temperature": list(_within("temperature", [state.temperature for state in states], "degC")),
         "errors": list(_without_errors(heard)),
     }
     for check, findings in fine.items():
@@ -69,30 +68,38 @@ def health(bus: Bus, servos: list[BusServo]) -> Iterator[Finding]:
 
 
 def _ask(servo: BusServo) -> list[Problem]:
-    state = servo.look()
-    rows = [servo.model.register(name) for name in ("min_voltage", "max_voltage", "max_temperature")]
-    low, high, hot = servo.read_many(rows).values()
+    servo.look()
+    names = ("present_voltage", "min_voltage", "max_voltage", "present_temperature", "max_temperature")
+    volts, low, high, degrees, hot = servo.read_many(names).values()
     row = servo.model.optional("output_limit")
     # Only a limit that the servo itself changes tells that it has shut down.
     limit = servo.read(row) if row is not None and row.volatile else None
-    return [*_voltage(servo, state.voltage, low, high), *_heat(servo, state.temperature, hot), *_errors(servo, limit)]
+    return [*_voltage(servo, volts, low, high), *_heat(servo, degrees, hot), *_errors(servo, limit)]
 
 
 def _voltage(servo: BusServo, volts: float, low: float, high: float) -> Iterator[Problem]:
-    least, most = servo.model.sheet.voltage
+    """Judge by the limits set in the servo; by its maker's, which are narrower, only one that says what it is."""
+    row = servo.model.register("present_voltage")
     if not low <= volts <= high:
-        words = f"is outside {show(low, 'V')} .. {show(high, 'V')}, the limits set in it"
-        yield Problem(servo, Severity.FAIL, "voltage", (volts, "V"), words, _WEAK if volts < low else _STRONG)
-    elif not least <= volts <= most:
+        words = f"is outside {row.show(low)} .. {row.show(high)}, the limits set in it"
+        yield Problem(servo, Severity.FAIL, "voltage", volts, words, _WEAK if volts < low else _STRONG)
+        return
+    if servo.model.generic or servo.model.number is None:
+        return  # it may be a servo for another supply
+    least, most = servo.model.sheet.voltage
+    if not least <= volts <= most:
         words = f"is outside {show(least, 'V')} .. {show(most, 'V')}, what its maker allows"
-        yield Problem(servo, Severity.WARN, "voltage", (volts, "V"), words, _WEAK if volts < least else _STRONG)
+        yield Problem(servo, Severity.WARN, "voltage", volts, words, _WEAK if volts < least else _STRONG)
 
 
 def _heat(servo: BusServo, degrees: float, hot: float) -> Iterator[Problem]:
-    if degrees > hot - WARM:
+    row = servo.model.register("present_temperature")
+    unscaled = servo.model.unscaled(row.name)
+    # Some small HerkuleX tell a raw reading, of which not even is known whether it grows with heat.
+    if not unscaled and degrees > hot - WARM:
         level = Severity.FAIL if degrees > hot else Severity.WARN
-        words = f"where {show(hot, 'degC')} is the limit set in it"
-        yield Problem(servo, level, "temperature", (degrees, "degC"), words, _HOT, (("torque", "$id", "off"),))
+        words = f"where {row.show(hot)} is the limit set in it"
+        yield Problem(servo, level, "temperature", degrees, words, _HOT, (("torque", "$id", "off"),))
 
 
 def _errors(servo: BusServo, limit: float | None) -> Iterator[Problem]:
@@ -109,6 +116,16 @@ def _errors(servo: BusServo, limit: float | None) -> Iterator[Problem]:
     if limit == 0:
         words = "the torque limit is 0, so nothing moves"
         yield Problem(servo, Severity.FAIL, "errors", None, words, _SHUT, (_REARM,))
+
+
+def _within(check: str, values: list[float], unit: str) -> Iterator[Finding]:
+    """Say what was measured where nothing is wrong with it. NaN stands for a value of an unknown unit."""
+    if known := [value for value in values if not math.isnan(value)]:
+        yield Finding(Severity.OK, check, span(known, unit))
+    elif values:
+        yield Finding(
+            Severity.UNKNOWN, check, "in units that are not known, as the model is", "--model tells which it is"
+        )
 
 
 def _without_errors(servos: list[BusServo]) -> Iterator[Finding]:
@@ -131,7 +148,10 @@ def _told(port: str, group: list[Problem]) -> Finding:
     ids = [member.servo.id for member in group]
     value = ""
     if one.value is not None:
-        value = span((member.value[0] for member in group if member.value is not None), one.value[1]) + " "
-    what = f"{servo.model.title} {id_list(ids)}: {value}{one.words}"
+        row = servo.model.register(f"present_{one.check}")
+        values = [member.value for member in group if member.value is not None]
+        low, high = row.show(min(values)), row.show(max(values))
+        value = f"{low} " if low == high else f"{low} .. {high} "
+    what = f"{servo.model.named(id_list(ids))}: {value}{one.words}"
     commands = [command(verb, port, *words, at(servo.family, servo.baud)) for verb, *words in one.mends]
     return Finding(one.level, one.check, what, one.cause, tuple(for_each(ids, each) for each in commands))

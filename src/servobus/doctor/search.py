@@ -107,7 +107,7 @@ def _list_servos(port: str, found: list[FoundServo]) -> Iterator[Finding]:
         elif one.identity.answers is Answers.NOTHING:
             row = one.model.register("answer_level").name
             mend = command("write", port, one.id, f"{row}={Answers.EVERYTHING.value}", at(one.family, one.baud))
-            what = f"{one.model.title} id {one.id} answers no reads: nothing else is known of it"
+            what = f"{one.model.named(f'id {one.id}')} answers no reads: nothing else is known of it"
             yield Finding(Severity.WARN, "servos", what, f"its {row} is {Answers.NOTHING.value}", (mend,))
 
 

@@ -9,12 +9,13 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from enum import IntEnum
 from typing import Any, ClassVar, TypeVar
 
-from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, told
+from servobus.core.exchange import Exchange, Now, Pause, Procedure, ReplyPattern, told
 from servobus.core.framing import Framing, Packet
 from servobus.core.registers import Area, Int, Register
-from servobus.core.units import deg
+from servobus.core.units import deg, finite, said
 from servobus.core.values import frozen
-from servobus.errors import BadValue, BusError, UsageError
+from servobus.errors import BadValue, BusError, NoReply, ServobusError, UsageError
+from servobus.families.change import before_told, check_pairs, pairs_touched
 from servobus.families.model import Model, Performance, SpecSheet
 from servobus.families.record import MotionPermit, ServoRecord
 
@@ -40,11 +41,16 @@ __all__ = [
     "check_output",
     "fetch",
     "policy_register",
+    "require_model",
     "within",
 ]
 
 T = TypeVar("T")
 
+TELL_MODEL = "say which it is: --model MODEL, models={id: MODEL} or attach(MODEL, id)"
+"""The remedy for a servo whose model is not known."""
+ASK_AGAIN = 0.02
+"""s between two questions to a servo that does not answer yet."""
 TRIES = 3
 """Times that a servo is told to stop, or to let go, before something else is done about it."""
 ANSWERED = 0.005
@@ -70,7 +76,7 @@ class ServoRef:
     answers: Answers
 
     def __str__(self) -> str:
-        return f"{self.model.title} id {self.id}"
+        return self.model.named(f"id {self.id}")
 
 
 @frozen
@@ -101,7 +107,7 @@ class KnownServo(ServoRef):
         return object.__hash__(self)
 
     def __str__(self) -> str:
-        return f"{self.model.title} id {self.id}"
+        return self.model.named(f"id {self.id}")
 
 
 @frozen
@@ -177,6 +183,11 @@ class Family(ABC):
     title: ClassVar[str]
     framing: ClassVar[Framing]
     full_duplex: ClassVar[bool] = False
+    eeprom_time: ClassVar[float] = 0.0
+    """s for which a servo hears nothing after each byte that was written to its EEPROM, as far as that is known."""
+    patience: ClassVar[float] = 1.0
+    """s for which a servo is asked until it answers, after a write to its EEPROM, a reset or a restart. Assumption:
+    twice as long as any was seen to need."""
     needs: ClassVar[tuple[str, ...]] = ()
     """Names of the registers that the verbs of this family rely on, beside those that every model has."""
     keepable: ClassVar[tuple[str, ...]] = ()
@@ -246,19 +257,36 @@ class Family(ABC):
         """Tell whether what `read_stored` gives for this register is what survives power-off."""
         return True
 
+    def await_eeprom(self, target: ServoRef, size: int) -> Procedure[None]:
+        """Wait until a servo hears again of which `size` bytes of EEPROM were written just now. Raises NoReply."""
+        if self.eeprom_time:
+            yield Pause(size * self.eeprom_time)
+        yield from self.await_answer(target, "a write to its EEPROM")
+
+    def await_answer(self, target: ServoRef, after: str) -> Procedure[None]:
+        """Ask until a servo answers, `patience` s at most. Raises the last error, which says after what that was."""
+        began: float = yield Now()
+        while True:
+            try:
+                yield from self.ping(target.id).no_retry()
+            except BusError as error:
+                if (yield Now()) - began >= self.patience:
+                    said = f"{target} does not answer within {self.patience:g} s after {after}: is it powered?"
+                    raise NoReply(f"{said} ({error})") from error
+                yield Pause(ASK_AGAIN)
+            else:
+                return
+
     def _set(self, target: KnownServo, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
         """Write with care: every write of registers but `put` and what stops a servo comes through here."""
         record = target.record
         yield from self._check_step(target, values)
+        yield from self._check_limits(target, values, keep=keep)
         worn = [register for register in values if self.wears(register, keep=keep)]
-        same: frozenset[Register[Any]] = frozenset()
+        before: dict[Register[Any], int] = {}
         if worn and target.answers is not Answers.NOTHING:  # what cannot be read cannot be compared
-            present = yield from self.read_stored(target, worn)
-            same = frozenset(
-                register
-                for register, raw in zip(worn, present, strict=True)
-                if raw == values[register] and self.stored_is_told(register)
-            )
+            before = dict(zip(worn, (yield from self.read_stored(target, worn)), strict=True))
+        same = frozenset(row for row, raw in before.items() if raw == values[row] and self.stored_is_told(row))
         fresh = [register for register in worn if register not in same]
         if fresh:
             record.check_wear(str(target), fresh)
@@ -266,9 +294,10 @@ class Family(ABC):
         in_ram = {register: raw for register, raw in values.items() if not register.volatile and register.acts_in_ram}
         record.forget(in_ram)  # until it is known that they arrived
         try:
-            for part in _policy_last(target.model, values):
-                yield from self.put(target, part, keep=keep, same=same)
-        except BusError:
+            with before_told({row: before[row] for row in fresh if row in before}):
+                for part in _policy_last(target.model, values):
+                    yield from self.put(target, part, keep=keep, same=same)
+        except ServobusError:
             record.wrote(fresh)  # they may have arrived
             raise
         record.wrote(fresh)
@@ -286,6 +315,18 @@ class Family(ABC):
         (here,) = yield from self.read(target, [row])
         for goal in goals:
             target.permit.check_step(str(target), abs(goal.decode(values[goal]) - row.decode(here)))
+
+    def _check_limits(self, target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
+        """Refuse limits that would cross those beside which they are written, or which the servo has. Raises BadValue.
+
+        What a servo that answers nothing has cannot be known, and is not compared.
+        """
+        pairs = pairs_touched(target.model, values)
+        others = [row for pair in pairs for row in pair.rows(target.model) if row not in values]
+        if others and target.answers is not Answers.NOTHING:
+            have = yield from (self.read_stored if keep else self.read)(target, others)
+            values = {**values, **dict(zip(others, have, strict=True))}
+        check_pairs(target.model, values, str(target))
 
     def _check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:  # noqa: ARG002
         """Raise UsageError if the servo has locked its EEPROM. Most families have no lock."""
@@ -445,7 +486,13 @@ class Family(ABC):
 
     @abstractmethod
     def reboot(self, target: KnownServo) -> Procedure[None]:
-        """Restart the servo. Raises UsageError where the family has no such command."""
+        """Tell the servo to restart; it is deaf for a while then. Raises UsageError where there is no such command."""
+
+    def check_reset(self, target: ServoRef, keep: frozenset[str]) -> None:
+        """Raise UsageError for a reset that this family cannot do, before anything is asked or sent."""
+        if unknown := keep - set(self.keepable):
+            can = f"only {', '.join(self.keepable)}" if self.keepable else "everything is restored"
+            raise cannot(target, f"keep {', '.join(sorted(unknown))}", can)
 
     @abstractmethod
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
@@ -457,7 +504,7 @@ class Family(ABC):
 
     @abstractmethod
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
-        """Change the speed for good; the servo is on the new speed when the procedure ends."""
+        """Change the speed for good; the servo is on its way to the new speed when the procedure ends."""
 
     # Explaining
 
@@ -487,9 +534,10 @@ def fetch(reading: Reading) -> Procedure[list[int]]:
 
 def check_output(output: float) -> float:
     """Give a share of full output back, or raise BadValue."""
-    if not -1 <= output <= 1:
-        raise BadValue(f"output {output} is not in -1 .. 1")
-    return output
+    share = finite(output)
+    if share is None or not -1 <= share <= 1:
+        raise BadValue(f"output {said(output)} is not a share of full output, -1 .. 1")
+    return share
 
 
 def policy_register(model: type[Model]) -> Register[Any] | None:
@@ -500,6 +548,14 @@ def policy_register(model: type[Model]) -> Register[Any] | None:
 def cannot(target: ServoRef, what: str, why: str) -> UsageError:
     """Make the error for a verb that a family does not have."""
     return UsageError(f"{target} cannot {what}: {why}")
+
+
+def require_model(target: ServoRef, what: str) -> None:
+    """Raise UsageError if it is not known what an angle is on this servo, for its model is not known."""
+    if target.model.unscaled("goal_position"):
+        raise UsageError(
+            f"{target} cannot {what} as long as its model is not known, for each model has its own units; {TELL_MODEL}"
+        )
 
 
 def blocks(spans: Iterable[tuple[int, int]], *, gap: int, longest: int) -> list[tuple[int, int]]:

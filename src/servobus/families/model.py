@@ -8,12 +8,16 @@
 A table inherits the rows of its parents. A row in the class body takes the place of the inherited one of the same name,
 `NAME = None` takes that one out. Inherited rows are copies, so each says whose it is; a row of a parent can be used for
 a child all the same, see `Model.own`. A table is checked when its class is made: a wrong one cannot be imported.
+
+At the head of a family stands a table of what all its models share, and a model made from that alone, which stands for
+servos whose model is not known: `generic = True`. It has no data sheet. What has another unit from model to model is
+`RAW` in it and can only be read.
 """
 
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from servobus.core.registers import Register, check_overlap, check_row
-from servobus.core.units import Quantity
+from servobus.core.units import Quantity, Raw
 from servobus.core.values import frozen
 from servobus.errors import UnknownName, UsageError
 
@@ -60,6 +64,8 @@ OPTIONAL = {
 
 _TOLD = ("family", "number", "sheet", "factory_baud", "bauds", "turn_scale")
 """What a model must say beside its table."""
+_SHEET = ("sheet", "turn_scale")
+"""What of that a generic model lacks: the sheet always, the scale of endless turn where that differs."""
 
 
 @frozen
@@ -103,6 +109,31 @@ class SpecSheet:
     link: str = ""
 
 
+@frozen
+class LimitPair:
+    """Two registers of a model, of which the first must be below the second.
+
+    Some servos ignore crossed limits, others take them and refuse every goal from then on.
+    """
+
+    low: str
+    high: str
+    both_zero: bool = False
+    """Whether both may be 0: what that means is said where it may be."""
+
+    def rows(self, model: type["Model"]) -> tuple[Register[Any], Register[Any]]:
+        """Give the two registers."""
+        return model.register(self.low), model.register(self.high)
+
+    def fits(self, low: int, high: int) -> bool:
+        """Tell whether the pair may be set to these raw values."""
+        return low < high or (self.both_zero and low == high == 0)
+
+
+POSITION_LIMITS = LimitPair("min_position", "max_position")
+VOLTAGE_LIMITS = LimitPair("min_voltage", "max_voltage")
+
+
 class Model:
     """What servobus knows of one model. Subclass it; do not instantiate it.
 
@@ -124,10 +155,14 @@ class Model:
     """Longest time in seconds that one timed move can take; None if moves are given by speed."""
     turn_scale: ClassVar[Quantity]
     """Scale of the number that turns it without end: a speed ("rad/s"), or a share of full output ("1")."""
+    limit_pairs: ClassVar[tuple[LimitPair, ...]] = (POSITION_LIMITS, VOLTAGE_LIMITS)
+    """Registers of which one must be below the other."""
     brakes: ClassVar[bool] = False
     """Whether it can brake: short its motor, so that the shaft turns only slowly."""
     firmware: ClassVar[str] = ""
     """The class of its virtual servo, a `VirtualServo`; "" for a model that cannot be simulated."""
+    generic: ClassVar[bool] = False
+    """Whether it stands for servos of the family whose model is not known. A model made from it is known again."""
     motors: ClassVar[str] = ""
     """Its sets of motor data: a dict, name of a set -> MotorParams, the first by default. A model with a sheet of its
     own that names none gets a motor made up from that sheet, not the one of its parent."""
@@ -141,12 +176,15 @@ class Model:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        cls.generic = vars(cls).get("generic", False)
         _check_body(cls)
         cls._body = {name: row for name, row in vars(cls).items() if isinstance(row, Register) or _takes_out(cls, name)}
         cls.registers, cls.aliases = {}, {}
         for kind in reversed(cls.__mro__):
+            before = ""
             for name, row in vars(kind).get("_body", {}).items():
-                cls._declare(name, row)
+                cls._declare(name, row, before)
+                before = name if name in cls.registers else before
         for name, row in cls.registers.items():
             if row.owner is not cls:
                 cls.registers[name] = copy = row.with_(**cls._told_default(row))
@@ -164,14 +202,19 @@ class Model:
             _check_complete(cls)
 
     @classmethod
-    def _declare(cls, name: str, row: Register[Any] | None) -> None:
-        """Take over one statement of a class body about a row."""
+    def _declare(cls, name: str, row: Register[Any] | None, before: str) -> None:
+        """Take over one statement of a class body about a row; a new one stands behind the one before it there."""
         if row is None:
             cls.registers.pop(name, None)
             cls.aliases = {alias: whose for alias, whose in cls.aliases.items() if name not in (alias, whose)}
         elif row.name == name:
             cls.aliases.pop(name, None)
+            new = name not in cls.registers
             cls.registers[name] = row
+            if new and before:
+                names = [known for known in cls.registers if known != name]
+                names.insert(names.index(before) + 1, name)
+                cls.registers = {known: cls.registers[known] for known in names}
         else:
             cls.registers.pop(name, None)
             cls.aliases[name] = row.name
@@ -195,6 +238,17 @@ class Model:
         return cls.title.replace("-", "").replace("_", "").lower()
 
     @classmethod
+    def named(cls, ids: str) -> str:
+        """Name servos of this model: "RX-28 id 1" for "id 1"."""
+        return f"{cls.title}, {ids}" if cls.generic else f"{cls.title} {ids}"
+
+    @classmethod
+    def unscaled(cls, *names: str) -> bool:
+        """Tell whether one of these rows, or any of all if none is named, has a unit that is not known."""
+        rows = map(cls.register, names) if names else cls.registers.values()
+        return any(isinstance(row.scale, Raw) for row in rows)
+
+    @classmethod
     def turns_at_speed(cls) -> bool:
         """Tell whether it controls the speed of endless turn; else a share of full output is set."""
         return cls.turn_scale.unit == "rad/s"
@@ -204,12 +258,25 @@ class Model:
         """Find a row by its name or alias. Raises UnknownName, with the nearest names."""
         row = cls.registers.get(cls.aliases.get(name, name))
         if row is None:
+            raise UnknownName(f"{cls.title} has no register {name!r:.60}; {cls._instead_of(name)}")
+        return row
+
+    @classmethod
+    def _instead_of(cls, name: object) -> str:
+        """Say what may be meant by what is no name of a register."""
+        word = str(name).strip().lower()
+        if word.isdecimal():
+            near = [row.name for row in cls.registers.values() if any(at == int(word) for _, at in row.place.locations)]
+        else:
             import difflib  # noqa: PLC0415 - only ever needed for this message
 
-            near = difflib.get_close_matches(name, [*cls.registers, *cls.aliases], n=3, cutoff=0.5)
-            hint = f"; did you mean {' or '.join(near)}?" if near else ""
-            raise UnknownName(f"{cls.title} has no register {name!r}{hint}")
-        return row
+            names = [*cls.registers, *cls.aliases]
+            close = difflib.get_close_matches(word.replace(" ", "_"), names, n=3, cutoff=0.5)
+            parts = [known for known in names if len(word) > 2 and word in known]
+            near = close[:1] if word.replace(" ", "_") in close else list(dict.fromkeys(parts + close))[:3]
+        if near:
+            return f"did you mean {' or '.join(near)}?"
+        return f"`servobus registers {cls.key()}` lists them"
 
     @classmethod
     def optional(cls, name: str) -> Register[Any] | None:
@@ -233,6 +300,11 @@ class Model:
             return register
         parents = () if register.owner is None else register.owner.__mro__
         related = any(register.name in vars(kind).get("registers", {}) and issubclass(cls, kind) for kind in parents)
+        if row is not None and related and isinstance(row.scale, Raw) and register.owner is not row.owner:
+            raise UsageError(
+                f"{register.model} {register.name} is no register of {cls.title}, where its unit is not known; "
+                f'"{register.name}" reads it raw, and --model, models= or attach() tells the model'
+            )
         if row is None or not related or not row.same_value(register):
             raise UsageError(f"{register.model} {register.name} is not a register of {cls.title}")
         return row
@@ -246,6 +318,12 @@ def _check_body(cls: type[Model]) -> None:
             raise TypeError(
                 f"{cls.__name__}: {name} = {value!r} is no register; change an inherited row with "
                 f"{name} = {cls.__mro__[1].__name__}.{name}.with_(...), or take it out with {name} = None"
+            )
+        owner = value.owner if isinstance(value, Register) else None
+        if owner is not None and owner is not cls and not issubclass(cls, owner):
+            raise TypeError(
+                f"{cls.__name__}: {name} = {value!r} is a row of another model; make one like it with "
+                f"{name} = {owner.__name__}.{value.name}.with_()"
             )
         says_nothing = name.startswith("_") or name in Model.__annotations__ or hasattr(Model, name)
         if value is None and name not in inherited and not says_nothing:
@@ -263,7 +341,8 @@ def _parents(table: type[Model]) -> list[type[Model]]:
 
 def _check_complete(model: type[Model]) -> None:
     """Refuse a model that lacks what verbs and jobs rely on, with a TypeError that names it."""
-    if missing := [name for name in _TOLD if not hasattr(model, name)]:
+    told = [name for name in _TOLD if not (model.generic and name in _SHEET)]
+    if missing := [name for name in told if not hasattr(model, name)]:
         raise TypeError(f"{model.title}: a model says its {', '.join(missing)}")
     needs = dict.fromkeys(model.family.needs, "") | REQUIRED
     if missing := [name for name in needs if name not in model.registers and name not in model.aliases]:
@@ -280,13 +359,23 @@ def _check_complete(model: type[Model]) -> None:
         )
     for name, unit in (REQUIRED | OPTIONAL).items():
         row = model.registers.get(model.aliases.get(name, name))
-        if row is not None and unit and row.unit != unit:
+        unknown = row is not None and model.generic and isinstance(row.scale, Raw)
+        if row is not None and unit and row.unit != unit and not unknown:
             raise TypeError(f"{row}: {name} is in {unit}, not in {row.unit or 'no unit'}")
+    if not model.generic and model.unscaled():
+        raw = [row.name for row in model.registers.values() if isinstance(row.scale, Raw)]
+        raise TypeError(f"{model.title}: the unit of {', '.join(raw)} is not said; only a generic model may lack it")
+    if wrong := [row.name for row in model.registers.values() if isinstance(row.scale, Raw) and row.writable]:
+        raise TypeError(f"{model.title}: {', '.join(wrong)} can only be read as long as the unit is not known")
     goal = model.register("goal_position")
     for name in ("min_position", "max_position"):
         limit = model.register(name)
         if limit.scale != goal.scale:
             raise TypeError(f"{limit} has another scale than {goal.name}, to whose raw values it is compared")
+    for pair in model.limit_pairs:
+        low, high = pair.rows(model)
+        if low.scale != high.scale:
+            raise TypeError(f"{low} has another scale than {high.name}, to which it is compared")
     limit_row = model.optional("output_limit")
     if limit_row is not None and not (limit_row.writable and limit_row.acts_in_ram):
         raise TypeError(f"{limit_row}: an output_limit can be written in RAM")

@@ -17,7 +17,8 @@ def servo_entry(family: Family, model: type[Model] | None, id: int, baud: int, f
     """Say which servo is meant, and what it is; `model` is None if its model number is not known here."""
     return {
         "family": family.name,
-        "model": model.key() if model else None,
+        "model": model.key() if model and not model.generic else None,
+        "model_number": model.number if model else None,
         "id": id,
         "baud": baud,
         "firmware": firmware,
@@ -26,6 +27,8 @@ def servo_entry(family: Family, model: type[Model] | None, id: int, baud: int, f
 
 def model_entry(model: type[Model]) -> dict[str, Any]:
     """Give the maker's specification, in the units people use."""
+    if model.generic:
+        return {"name": model.key(), "model": model.title, "family": model.family.name, "number": model.number}
     spec = model.sheet
     return {
         "name": model.key(),
@@ -56,6 +59,8 @@ def model_entry(model: type[Model]) -> dict[str, Any]:
 
 def model_lines(model: type[Model]) -> list[str]:
     """Write the maker's specification in a few lines."""
+    if model.generic:
+        return [f"{model.title}: {model.family.title}; --model MODEL tells which it is"]
     spec = model.sheet
     low, high = spec.voltage
     lines = [

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Literal, TypeAlias
 
 from servobus.core.registers import Register
+from servobus.core.units import finite, said
 from servobus.errors import BadValue, EepromWear, Stopped
 
 MOST = 10
@@ -143,6 +144,11 @@ class MotionPermit:
 
 def check_max_step(step: float | None) -> float | None:
     """Give a limit of one step in rad back, or raise BadValue."""
-    if step is not None and not 0 < step < math.inf:
-        raise BadValue(f"max_step {step} is not an angle above 0 (None is no limit)")
-    return step
+    if step is None:
+        return None
+    angle = finite(step)
+    if angle is None or angle <= 0:
+        raise BadValue(f"max_step {said(step)} is not an angle above 0 (None is no limit)")
+    if angle > 2 * math.pi:
+        raise BadValue(f"max_step {angle:g} rad is more than a turn: did you mean {angle:g} * deg? (None is no limit)")
+    return angle

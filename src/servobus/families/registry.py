@@ -5,10 +5,12 @@ A distribution adds models under the entry point group `servobus.families`; each
     [project.entry-points."servobus.families"]
     arms = "our_arms.servos:MODELS"
 
-A model brings its family with it. Entry points are looked for when a question goes beyond what is built in (a name that
+A model brings its family with it, and so does the generic model of a family, which stands for servos whose model is not
+known and is in no list of models. Entry points are looked for when a question goes beyond what is built in (a name that
 is not known, a look at all families), never at import: reading what is installed takes longer than reading a servo.
 """
 
+import itertools
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -17,8 +19,11 @@ from typing import TypeVar
 from servobus.errors import UnknownName, UsageError
 from servobus.families.base import Family, Model
 from servobus.families.dynamixel.models.rx28 import RX28
+from servobus.families.dynamixel.models.table import UnknownDynamixel
 from servobus.families.herkulex.models.drs0602 import DRS0602
+from servobus.families.herkulex.models.table import UnknownHerkulex
 from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.families.lewansoul.models.table import UnknownLx
 
 T = TypeVar("T")
 
@@ -58,6 +63,12 @@ MODELS: Known[type[Model]] = Known()
 FAMILIES: Known[Family] = Known()
 """name -> family: "dynamixel", "herkulex", "lewansoul", and those of other distributions."""
 
+GENERIC: dict[str, type[Model]] = {}
+"""name of a family -> the model that stands for its servos of which no more is known."""
+
+_numbered: dict[tuple[str, int], type[Model]] = {}
+"""Generic models of servos that report a number which no known model has."""
+
 _loaded = False
 """Whether the entry points have been looked at."""
 
@@ -70,10 +81,17 @@ def add(*models: type[Model]) -> None:
     """
     families: dict[str, Family] = {}
     keys: dict[str, type[Model]] = {}
+    generic: dict[str, type[Model]] = {}
     for model in models:
         if "title" not in vars(model):
             raise UsageError(f"{model.__name__} is a parent of models: a model has a title of its own")
         key, family = model.key(), model.family
+        if model.generic:
+            other = generic.get(family.name) or GENERIC.get(family.name)
+            if other not in (None, model):
+                raise UsageError(f"{model.title} cannot be added: {family.name} has a generic model already")
+            generic[family.name], families[family.name] = model, family
+            continue
         other = keys.get(key) or MODELS.entries.get(key)
         if other not in (None, model):
             raise UsageError(f"{model.title} cannot be added: there is a model {key} already")
@@ -90,6 +108,7 @@ def add(*models: type[Model]) -> None:
         keys[key], families[family.name] = model, family
     MODELS.entries.update(keys)
     FAMILIES.entries.update(families)
+    GENERIC.update(generic)
 
 
 def load_installed() -> None:
@@ -136,27 +155,52 @@ def _mentioned() -> bool:
 
 
 def model(name: str) -> type[Model]:
-    """Find a model as people write it: "rx28", "RX-28". Raises UnknownName."""
-    found = MODELS.get(name.replace("-", "").replace("_", "").lower())
+    """Find a model as people write it: "rx28", "RX-28"; or "dynamixel", which stands for those that are not known.
+
+    Raises UnknownName.
+    """
+    key = name.replace("-", "").replace("_", "").lower()
+    found = MODELS.get(key)
     if found is None:
-        raise UnknownName(_unknown("model", name, list(MODELS)))
+        generic = {model.key(): model for model in GENERIC.values()}
+        found = generic.get(key)
+        if found is None:
+            raise UnknownName(_no_such("model", name, [*MODELS, *generic]))
     return found
 
 
 def family(name: str) -> Family:
     """Find a family by name. Raises UnknownName."""
     found = FAMILIES.get(name.lower())
+    if found is None and (known := MODELS.get(name.replace("-", "").replace("_", "").lower())):
+        raise UnknownName(f"no family {name!r}: {known.title} is a model, of the family {known.family.name}")
     if found is None:
-        raise UnknownName(_unknown("family", name, list(FAMILIES)))
+        raise UnknownName(_no_such("family", name, list(FAMILIES)))
     return found
 
 
 def identified(family: Family, number: int | None) -> type[Model] | None:
-    """Find the model of a family that reports this number; None if no such model is known here.
+    """Find the model of a family that reports this number; None if no such model is known here, or none is reported."""
+    return None if number is None else next((model for model in models_of(family) if model.number == number), None)
 
-    A family whose servos cannot say what they are (number None) is taken for its first model.
+
+def unknown(family: Family, number: int | None = None) -> type[Model] | None:
+    """Give the model that stands for a servo of a family of which no more is known, or no more than a number.
+
+    None for a family that has no such model. Where no servo of a family can say what it is, the first model stands for
+    all, whose table is then that of the family.
     """
-    return next((model for model in models_of(family) if number in (None, model.number)), None)
+    first = next(models_of(family), None)
+    if first is not None and number is None and all(model.number is None for model in models_of(family)):
+        return first
+    generic = GENERIC.get(family.name)
+    if generic is None or number is None:
+        return generic
+    made = _numbered.get((family.name, number))
+    if made is None or not issubclass(made, generic):
+        body = {"title": generic.title.replace("model unknown", f"model {number}"), "number": number, "generic": True}
+        made = _numbered[family.name, number] = type(f"{generic.__name__}{number}", (generic,), body)
+    return made
 
 
 def models_of(family: Family) -> Iterator[type[Model]]:
@@ -189,19 +233,33 @@ def names(known: Iterable[str]) -> str:
     return f"{', '.join(most)} or {last}" if most else last
 
 
-def _unknown(kind: str, name: str, known: list[str]) -> str:
-    import difflib  # noqa: PLC0415 - only ever needed for this message
-
-    near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.4)
+def _no_such(kind: str, name: str, known: list[str]) -> str:
+    key = name.replace("-", "").replace("_", "").lower()
+    # One series has not the models of another: an MX-28 is no RX-28 with a slip.
+    near = [one for one in known if _one_slip(key, one) and (kind != "model" or _series(key) == _series(one))]
     hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
     return f"no {kind} {name!r}; {hint}"
 
 
-add(RX28, DRS0602, LX16A)
+def _series(key: str) -> str:
+    return "".join(itertools.takewhile(str.isalpha, key))
+
+
+def _one_slip(one: str, other: str) -> bool:
+    """Tell whether two names differ by one letter more, less or other, or by two that are swapped."""
+    if len(one) == len(other):
+        wrong = [at for at in range(len(one)) if one[at] != other[at]]
+        return len(wrong) <= 1 or (len(wrong) == 2 and [one[at] for at in wrong] == [other[at] for at in wrong[::-1]])
+    short, long = sorted((one, other), key=len)
+    return any(long[:at] + long[at + 1 :] == short for at in range(len(long)))
+
+
+add(RX28, DRS0602, LX16A, UnknownDynamixel, UnknownHerkulex, UnknownLx)
 
 __all__ = [
     "DRS0602",
     "FAMILIES",
+    "GENERIC",
     "LX16A",
     "MODELS",
     "RX28",
@@ -215,4 +273,5 @@ __all__ = [
     "model",
     "models_of",
     "names",
+    "unknown",
 ]

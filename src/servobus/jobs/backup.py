@@ -8,7 +8,7 @@ from servobus.core.registers import Area, Register
 from servobus.core.values import frozen
 from servobus.errors import BusError, UsageError
 from servobus.families import registry
-from servobus.families.base import Answers, KnownServo, Model, ServoRef, policy_register
+from servobus.families.base import Answers, KnownServo, Model, ServoRef, policy_register, require_model
 
 
 @frozen
@@ -73,6 +73,12 @@ def _check_whole(text: str, name: str, raw: object) -> None:
     raise UsageError(f"the backup is damaged: {name}{where} is {raw!r}, and a raw value is a whole number")
 
 
+def _same_settings(one: type[Model], other: type[Model]) -> bool:
+    """Tell whether settings of one model mean the same on the other: LX servos cannot say which model they are."""
+    unknown = one.family is other.family and (one.generic or other.generic)
+    return one is other or (unknown and not one.unscaled() and not other.unscaled())
+
+
 def _settings(model: type[Model]) -> list[Register[Any]]:
     """List what a backup holds: every register that can be written and survives power-off."""
     return [row for row in model.registers.values() if row.area is Area.EEPROM and row.writable]
@@ -101,7 +107,8 @@ def restore(target: KnownServo, saved: Backup) -> Procedure[list[str]]:
 
     Which requests the servo answers is set last, after all the others were read back.
     """
-    if saved.model is not target.model:
+    require_model(target, "be restored")
+    if not _same_settings(saved.model, target.model):
         raise UsageError(
             f"the backup belongs to model {saved.model.title}, {target} is another model; nothing was written"
         )

@@ -1,7 +1,9 @@
 """Looking at one servo: what it is, where it is, and whether it restarted."""
 
+import math
+
 from servobus.core.exchange import Procedure, SetBaud
-from servobus.core.units import show
+from servobus.core.units import Raw, show
 from servobus.core.values import frozen
 from servobus.errors import Restarted
 from servobus.families.base import Family, Identity, KnownServo, ServoRef
@@ -9,7 +11,7 @@ from servobus.families.base import Family, Identity, KnownServo, ServoRef
 
 @frozen
 class Snapshot:
-    """What one wants to see of a servo first."""
+    """What one wants to see of a servo first. NaN stands where the model, and so the unit, is not known."""
 
     position: float
     """rad"""
@@ -18,13 +20,17 @@ class Snapshot:
     temperature: float
     """°C"""
     torque: bool
+    raw: tuple[int, int, int] | None = None
+    """The raw values of the first three, where one of them has no unit."""
 
     def __str__(self) -> str:
-        torque = "on" if self.torque else "off"
-        return (
-            f"{show(self.position, 'rad')}, {show(self.voltage, 'V')}, "
-            f"{show(self.temperature, 'degC')}, torque {torque}"
-        )
+        values = ((self.position, "rad", "position"), (self.voltage, "V", "supply"), (self.temperature, "degC", "heat"))
+        raws = self.raw or (0, 0, 0)
+        said = [
+            f"{what} {raw} (raw)" if math.isnan(value) else show(value, unit)
+            for (value, unit, what), raw in zip(values, raws, strict=True)
+        ]
+        return f"{', '.join(said)}, torque {'on' if self.torque else 'off'}"
 
 
 def look(target: ServoRef) -> Procedure[Snapshot]:
@@ -32,8 +38,13 @@ def look(target: ServoRef) -> Procedure[Snapshot]:
     names = ("present_position", "present_voltage", "present_temperature", "torque_enable")
     rows = [target.model.register(name) for name in names]
     raw = yield from target.model.family.read(target, rows)
-    position, voltage, temperature, _ = (row.decode(value, target) for row, value in zip(rows, raw, strict=True))
-    return Snapshot(position, voltage, temperature, target.model.family.torque_on(raw[3]))
+    torque = target.model.family.torque_on(raw[3])
+    position, voltage, temperature = (
+        math.nan if isinstance(row.scale, Raw) else row.decode(value, target)
+        for row, value in zip(rows[:3], raw, strict=False)
+    )
+    without_unit = (raw[0], raw[1], raw[2]) if target.model.unscaled(*names[:3]) else None
+    return Snapshot(position, voltage, temperature, torque, without_unit)
 
 
 def identify_at(family: Family, id: int, baud: int) -> Procedure[Identity]:

@@ -4,11 +4,12 @@ import math
 from collections.abc import Iterable, Mapping
 from numbers import Real
 
+from servobus.core.arguments import check_above_0
 from servobus.core.exchange import Now, Pause, Procedure, SetBaud
-from servobus.core.units import deg, show
+from servobus.core.units import deg, finite, said, show
 from servobus.core.values import frozen
 from servobus.errors import BadValue, MoveTimeout, Stopped, TorqueOff, UsageError
-from servobus.families.base import AxisMove, KnownServo, MotionStatus, ServoRef
+from servobus.families.base import AxisMove, KnownServo, MotionStatus, ServoRef, require_model
 
 DEFAULT_SPEED = 90 * deg
 """Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try."""
@@ -52,8 +53,8 @@ def plan(
     if time is not None and speed is not None:
         raise BadValue("a move takes either a time or a speed, not both")
     for name, value in (("time", time), ("speed", speed)):
-        if value is not None and not (_is_number(value) and 0 < value < math.inf):
-            raise BadValue(f"{name} {value!r} is not a number above 0")
+        if value is not None:
+            check_above_0(name, value)
 
     raw = {target: raw_goal(target, angle) for target, angle in goals.items()}
     distances: dict[KnownServo, float] = {}
@@ -142,9 +143,11 @@ def require_torque(move: PlannedMove) -> None:
 
 
 def raw_goal(target: ServoRef, angle: float) -> int:
-    """Turn an angle into a raw goal the model can take. Raises BadValue."""
-    if not _is_number(angle):
-        raise BadValue(f"{target}: {angle!r} is not a number; an angle is in radians, such as 90 * deg")
+    """Turn an angle into a raw goal the model can take. Raises BadValue, UsageError if the model is not known."""
+    require_model(target, "be moved to an angle")
+    given: object = angle
+    if not isinstance(given, Real):
+        raise BadValue(f"{target}: {said(angle)} is not a number; an angle is in radians, such as 90 * deg")
     row = target.model.register("goal_position")
     try:
         raw = row.scale.encode(angle)
@@ -161,11 +164,6 @@ def raw_goal(target: ServoRef, angle: float) -> int:
     return raw
 
 
-def _is_number(value: object) -> bool:
-    """Tell whether a value, of a caller without type checks, can be reckoned with."""
-    return isinstance(value, Real)
-
-
 def wait_arrival(move: PlannedMove, *, timeout: float | None = None, tolerance: float = 3 * deg) -> Procedure[None]:
     """Wait until all servos of a move stand still near their goals.
 
@@ -173,8 +171,8 @@ def wait_arrival(move: PlannedMove, *, timeout: float | None = None, tolerance: 
     MoveTimeout when it is over, after one last look at most, or Stopped as soon as one of them does not come any more:
     it was made safe, stopped, or its torque was switched off.
     """
-    if timeout is not None and not timeout >= 0:
-        raise BadValue(f"timeout {timeout} is not a number of seconds")
+    if timeout is not None and ((seconds := finite(timeout)) is None or seconds < 0):
+        raise BadValue(f"timeout {said(timeout)} is not a number of seconds")
     began = yield Now()
     end = began + (move.duration + 2.0 if timeout is None else timeout)
     arrival = min(began + move.duration, end)

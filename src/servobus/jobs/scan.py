@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 from servobus.core.exchange import Batch, Exchange, LateAnswers, Lateness, Pause, Procedure, SetBaud
 from servobus.core.ids import LAST_ID, check_id
 from servobus.core.values import frozen
-from servobus.errors import BusError, NoReply, UnknownName
+from servobus.errors import BusError, NoReply, UnknownName, UsageError
 from servobus.families import registry
 from servobus.families.base import Answers, Family, Identity, Model, ServoRef
 from servobus.jobs.look import Snapshot, look
@@ -14,7 +14,10 @@ from servobus.jobs.look import Snapshot, look
 
 @frozen
 class FoundServo:
-    """A servo that answered. `model` is None if its number is of no model known here."""
+    """A servo that answered.
+
+    `model` is the generic one of its family if it is not known which it is, None if the family has no such model.
+    """
 
     family: Family
     id: int
@@ -22,7 +25,7 @@ class FoundServo:
     identity: Identity
     model: type[Model] | None
     state: Snapshot | None
-    """None for a servo whose registers cannot be read: an unknown model, or one that answers nothing."""
+    """None for a servo whose registers cannot be read, such as one that answers nothing."""
     alarms: int = 0
     """Alarm bits that stood in its answer."""
 
@@ -97,19 +100,22 @@ def check_models(models: Models | None) -> Models | None:
     if isinstance(models, Mapping):
         for id in models:
             check_id(id)
-    for told in models.values() if isinstance(models, Mapping) else (models,):
+    for told in models.values() if isinstance(models, Mapping) else () if models is None else (models,):
+        given: object = told
         if isinstance(told, str):
             registry.model(told)
+        elif not (isinstance(given, type) and issubclass(given, Model)):
+            raise UsageError(f'{given!r:.60} is no model: give one such as LX16A, or its name, "lx16a"')
     return models
 
 
 Identify: TypeAlias = Callable[[Family, int, int, int | None], type[Model] | None]
-"""Tells the model of a servo by its family, id, speed and the number that it reports; None if no model is known."""
+"""Tells the model of a servo by its family, id, speed and the number that it reports; see `FoundServo.model`."""
 
 
 def by_number(family: Family, _id: int, _baud: int, number: int | None) -> type[Model] | None:
-    """Tell the model by what the servo says; one that cannot say it is taken for the first model of its family."""
-    return registry.identified(family, number)
+    """Tell the model by what the servo says."""
+    return registry.identified(family, number) or registry.unknown(family, number)
 
 
 AT_ONCE = 32

@@ -50,7 +50,7 @@ from servobus.core.exchange import Batch, Exchange, Job, LateAnswers, Now, Pause
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.replies import ReplyCollector
-from servobus.errors import BrokenEcho, BusError, LineBusy, Stopped
+from servobus.errors import BrokenEcho, BusError, LineBusy, ServobusError, Stopped
 from servobus.link.asking import Asking
 from servobus.link.fence import fenced
 from servobus.link.line_clock import LineClock, Timing
@@ -157,7 +157,7 @@ class Link:
                     if not isinstance(step, Pause | Now):
                         yield from self.set_baud(baud)
                     result = yield from self._step(step)
-                except BusError as error:
+                except ServobusError as error:  # a lost port too: what was begun can say how far it came
                     step = job.throw(error)
                 else:
                     step = job.send(result)

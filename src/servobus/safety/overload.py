@@ -8,12 +8,10 @@ An `OverloadMonitor` belongs to one servo; `Bus.protect` has each look at its ow
     SAFE    at the limit, or it pushes and has not moved for a while: its safe action, and no motion until that is over
 """
 
-import math
 from enum import IntEnum
-from numbers import Real
 
 from servobus.core.exchange import Now, Procedure
-from servobus.core.units import deg
+from servobus.core.units import deg, finite, said
 from servobus.core.values import frozen
 from servobus.errors import BadValue
 from servobus.families.base import KnownServo
@@ -51,9 +49,8 @@ class Thresholds:
     def check(self) -> "Thresholds":
         """Give them back. Raises BadValue if one is no number, or if they contradict each other."""
         for name in ("warn", "derate", "back", "push", "stall"):
-            value: object = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, Real) or not math.isfinite(value):
-                raise BadValue(f"Thresholds: {name} {value!r} is not a number")
+            if finite(value := getattr(self, name)) is None:
+                raise BadValue(f"Thresholds: {name} {said(value)} is not a number")
         if not (self.warn >= self.derate >= 0 and self.back >= 0 and 0 < self.push <= 1 and self.stall > 0):
             raise BadValue(f"{self}: warn must be at least derate, push a share, and none below 0")
         return self

@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 
 from servobus.core.exchange import Procedure, SetBaud
 from servobus.errors import PortError, Stopped, UsageError
-from servobus.families.base import KnownServo, ServoRef, StopOutcome
+from servobus.families.base import LIMP, KnownServo, ServoRef, StopOutcome
 from servobus.families.record import MotionPermit, SafeAction
 from servobus.jobs.make_safe import make_safe, make_safe_anyhow
 from servobus.link.blocking import run_blocking
@@ -175,7 +175,7 @@ class SafeStop:
                             said[who] = f"{who} may still move: {error}"
                         else:
                             said.pop(who, None)
-                            if outcome.let_go and wanted == "hold":
+                            if outcome.let_go and outcome is not LIMP and wanted == "hold":
                                 said[who] = f"{who}: {outcome}"
         told = [f"{self._transport.name}: {text}" for text in said.values()]
         for text in told:

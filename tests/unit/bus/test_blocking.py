@@ -240,11 +240,11 @@ def test_torque_sets_the_goal_first_and_goes_off_even_after_an_error() -> None:
 
 def test_writing_return_level_0_is_answered_and_then_nothing_is_awaited() -> None:
     # manual Example 14 (checksum corrected, ED-01); from then on only PING is answered
-    bus, port = bus_with("FF FF 01 03 00 02 F9", UNLOCKED, OK)
+    bus, port = bus_with("FF FF 01 03 00 02 F9", UNLOCKED, OK, OK)
     servo = bus.attach(RX28, 1)
     servo.write(RX28.status_return_level, 0)
     servo.write(RX28.led, True)
-    assert port.requests[2:] == ["FF FF 01 04 03 10 00 E7", "FF FF 01 04 03 19 01 DD"]
+    assert port.requests[2:] == ["FF FF 01 04 03 10 00 E7", "FF FF 01 02 01 FB", "FF FF 01 04 03 19 01 DD"]
     with pytest.raises(UsageError, match="Status Return Level"):
         servo.read(RX28.led)
 

@@ -88,9 +88,10 @@ def test_a_servo_that_says_something_else_is_told_of_and_stays() -> None:
 def test_a_number_that_nobody_knows() -> None:
     with servobus.open("virtual:ax912@1?clock=virtual") as bus:
         bus.transport.servos[0].memory[AX912.model_number] = 4242  # type: ignore[attr-defined] # a virtual port
-        assert bus.scan(ids=[1]) == []
-        with pytest.raises(servobus.BusError, match=r"model 4242, which is not known here; .*models="):
-            bus.find(1)
+        (found,) = bus.scan(ids=[1])
+        assert str(found).startswith("Dynamixel servo, model 4242, id 1 at 1000000: position 511 (raw), 11.1 V, 25 °C")
+        with pytest.raises(UsageError, match=r"model 4242, id 1 cannot be moved .*--model"):
+            found.move(0.1)
         bus.models = "ax912"
         assert bus.find(1).model is AX912
 

@@ -57,7 +57,7 @@ def test_M2_info(run: Run, load: Callable[..., Any], words: list[str], ids: list
 def test_M2_led_stop_torque_and_write(run: Run, words: list[str], ids: list[int]) -> None:
     assert run("led", ARM, *words, "on").stdout.count(": light on\n") == len(ids)
     assert run("torque", ARM, *words, "on").stdout.count(": torque on\n") == len(ids)
-    assert run("stop", ARM, *words).stdout.count(" stopped\n") == len(ids)
+    assert run("stop", ARM, *words).stdout.count(" stopped: ") == len(ids)
     assert run("write", ARM, *words, "max_position=100").stdout.count(" -> ") == len(ids)
 
 
@@ -192,5 +192,5 @@ def test_N13_several_go_on_without_it(run: Run) -> None:
 
 
 def test_N13_what_makes_safe_takes_both(run: Run) -> None:
-    assert run("stop", SHARED, 1).stdout.count(" stopped\n") == 2
+    assert run("stop", SHARED, 1).stdout.count(" stopped: ") == 2
     assert run("torque", SHARED, 1, "off").stdout.count(": torque off\n") == 2

@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -9,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from samples import factory_bauds
 from servobus import RX28
+from servobus.families import registry
 from unit.cli.conftest import ALL, DRS, LX, RX, Run
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals as on POSIX")
@@ -71,6 +72,25 @@ def test_a_move_that_takes_too_long_leaves_the_torque_off(refused: Callable[...,
     assert "go in steps, or faster" in refused("move", DRS, "219=10", "--time", "60")
 
 
+@pytest.mark.parametrize(
+    ("goal", "way"),
+    [("1+=5", 5), ("1=+5", 5), ("1-=5", -5), ("1+=-5", -5), ("1-4-=0.1rad", -5.73), ("all-=5deg", -5)],
+)
+@pytest.mark.parametrize(("model", "start"), [("rx28", 149.9), ("drs0602", 0), ("lx16a", 120)])
+def test_M11_a_relative_move(load: Callable[..., Any], model: str, start: float, goal: str, way: float) -> None:
+    (one, *_) = load("move", f"virtual:{model}@1-4?clock=virtual", goal, "--time", "0.5")
+    assert one["goal"] == pytest.approx(start + way, abs=0.5)
+    assert one["position"] == pytest.approx(start + way, abs=2)
+
+
+def test_M11_minus_is_no_way_back_but_an_angle(load: Callable[..., Any], refused: Callable[..., str]) -> None:
+    assert load("move", DRS, "219=-5")[0]["goal"] == -5
+    assert "-5.0° is outside" in refused("move", RX, "1=-5")
+    assert "is outside" in refused("move", RX, "1+=200")
+    for wrong in ("1=+-5", "1=--5", "1+=", "+=5", "1++=5", "1=5+"):
+        refused("move", RX, wrong, code=2 if wrong in ("1+=", "+=5", "1++=5") else 1)
+
+
 def test_usage(refused: Callable[..., str]) -> None:
     assert "not both" in refused("move", RX, "1=90", "--time", "1", "--speed", "60", code=2)
     assert "--speed: 'nan' is not a number" in refused("move", RX, "1=90", "--speed", "nan", code=2)
@@ -105,7 +125,7 @@ def test_turn(run: Run, refused: Callable[..., str]) -> None:
     assert "DRS-0602 id 219 controls the speed at which it turns: give --speed DEG/S" in refused(
         "turn", DRS, 219, "--output", "9"
     )
-    assert "output 2.0 is not in -1 .. 1" in refused("turn", RX, 1, "--output", "200")
+    assert "--output: 300 % is not in -100 .. 100" in refused("turn", RX, 1, "--output", "300", code=2)
     assert "say one of" in refused("turn", RX, 1, code=2)
     assert "goes with --end" in refused("turn", RX, 1, "--output", "9", "--limits", "1", "2", code=2)
 
@@ -130,15 +150,15 @@ def test_torque_and_stop(run: Run, family: str) -> None:
     port, id = ALL[family]
     assert run("torque", port, id, id + 1, "on").stdout.count(": torque on\n") == 2
     assert run("torque", port, id, "off").stdout.endswith("torque off\n")
-    assert run("stop", port, id).stdout.endswith(f"id {id} stopped\n")
+    assert run("stop", port, id).stdout.endswith(f"id {id} stopped: it drives nothing: its torque was off\n")
 
 
 def test_all(run: Run, refused: Callable[..., str]) -> None:
-    assert run("stop", RX, "all", "--family", "dynamixel").stdout.count("stopped\n") == 3
+    assert run("stop", RX, "all", "--family", "dynamixel").stdout.count(" stopped: ") == 3
     assert run("torque", RX, "all", "on", "--family", "dynamixel").stdout.count("torque on\n") == 3
     result = run("torque", RX, "all", "off")
-    speeds = "/".join(map(str, factory_bauds(RX28.family)))
-    assert result.stdout.startswith(f"torque off: told every servo (dynamixel at {speeds}, ")
+    speeds = "/".join(map(str, registry.bauds(RX28.family)))
+    assert result.stdout.startswith(f"torque off: told all ids of dynamixel at {speeds}, ")
     assert "either ids or `all`" in refused("stop", RX, "1", "all", code=2)
     assert "no servo answers (lewansoul at 115200)" in refused("stop", RX, "all", "--family", "lewansoul")
     assert run("torque", RX, 1, 1, "on").stdout == "RX-28 id 1: torque on\n"
@@ -163,4 +183,4 @@ def test_ctrl_c_stops_the_servos(end: signal.Signals) -> None:
         process.send_signal(end)
         stdout, stderr = process.communicate(timeout=10)
     assert (process.returncode, stdout) == (130, "")
-    assert stderr == "\nRX-28 id 1 stopped\nRX-28 id 2 stopped\n"
+    assert re.fullmatch(r"\n(RX-28 id [12] stopped: held at \d+\.\d°\n){2}", stderr)

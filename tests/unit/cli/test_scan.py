@@ -15,7 +15,7 @@ from unit.cli.conftest import ALL, LX, RX, Run
 def test_scan_finds_who_is_there(load: Callable[..., Any], family: str) -> None:
     port, id = ALL[family]
     found = load("scan", port, "--family", family, "--ids", f"{id}-{id + 3}")
-    assert all(list(one) == ["family", "model", "id", "baud", "firmware"] for one in found)
+    assert all(list(one) == ["family", "model", "model_number", "id", "baud", "firmware"] for one in found)
     assert found[0]["family"] == family
     assert found[0]["id"] == id
 
@@ -101,8 +101,10 @@ def test_a_model_that_is_not_known_is_listed(
 ) -> None:
     monkeypatch.setattr(RX28, "number", 29)
     options = ("--family", "dynamixel", "--ids", "1")
-    assert run("scan", RX, *options).stdout == "id 1 at 57600: Dynamixel protocol 1.0 model 28, not known here\n"
-    assert load("scan", RX, *options)[0]["model"] is None
+    said = "Dynamixel servo, model 28, id 1 at 57600: position 511 (raw), 14.4 V, 25 °C, torque off\n"
+    assert run("scan", RX, *options).stdout == said
+    (found,) = load("scan", RX, *options)
+    assert (found["model"], found["model_number"]) == (None, 28)
 
 
 def test_what_cannot_be_asked(refused: Callable[..., str]) -> None:
@@ -113,5 +115,5 @@ def test_what_cannot_be_asked(refused: Callable[..., str]) -> None:
     assert "neither a number of baud nor `all`" in refused("scan", RX, "--baud", "fast", code=2)
     assert "0 is not a speed" in refused("scan", RX, "--baud", "0", code=2)
     assert "no such port" in refused("scan", "/dev/does-not-exist")
-    assert "PORT is empty" in refused("scan", "")
+    assert "the name of the port is empty" in refused("scan", "")
     assert "no model 'rx99'" in refused("scan", "virtual:rx99@1")

@@ -209,7 +209,8 @@ class TestHealth:
             ("rx28@1-2?voltage=5", Severity.FAIL, "RX-28 ids 1, 2: 5.0 V is outside 6.0 V .. 24.0 V, the limits set"),
             # DRS-0602 manual 4-2: 9.5 V is the lowest from the factory.
             ("drs0602@1?voltage=8", Severity.FAIL, "DRS-0602 id 1: 8.0 V is outside 9.5 V .. 17.0 V, the limits set"),
-            ("lx16a@1?voltage=9", Severity.WARN, "LX-16A id 1: 9.0 V is outside 6.0 V .. 8.4 V, what its maker allows"),
+            # The protocol document, point 12: 6500 mV is the lowest from the factory.
+            ("lx16a@1?voltage=6", Severity.FAIL, "LX-16A id 1: 6.0 V is outside 6.5 V .. 12.0 V, the limits set in it"),
         ],
     )
     def test_voltage(self, spec: str, level: Severity, words: str) -> None:

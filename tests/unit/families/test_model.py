@@ -7,9 +7,10 @@ import pytest
 import servobus
 from servobus import DRS0602, LX16A, RX28, BadValue, UnknownName, UsageError, deg
 from servobus.core.registers import U8, U16, Access, Area, Register
-from servobus.core.units import Count, Quantity, Switch
+from servobus.core.units import RAW, Count, Quantity, Switch
 from servobus.families import registry
 from servobus.families.base import Answers, Model, Performance, ServoRef, SpecSheet
+from servobus.families.dynamixel.models.table import DynamixelTable, UnknownDynamixel
 from servobus.families.dynamixel.places import Address
 from servobus.families.dynamixel.verbs import Dynamixel1
 from servobus.families.registry import MODELS
@@ -406,3 +407,54 @@ class TestSlips:
             class Slip(RX28):
                 title, number = "Slip", 65_000
                 torque_enable = RX28.torque_enable.with_(access=access)
+
+
+def test_a_row_of_another_model_is_no_second_name() -> None:
+    with pytest.raises(TypeError, match=r"flash = <LX-16A led> is a row of another model; .*LX16A\.led\.with_\(\)"):
+
+        class Foreign(RX28):
+            flash = LX16A.led
+
+    with pytest.raises(TypeError, match="row of another model"):
+
+        class Taken(RX28):
+            led = LX16A.led
+
+
+def test_a_new_row_stands_behind_the_one_before_it() -> None:
+    class Longer(RX28):
+        led = RX28.led.with_(default=1)
+        extra = Register(Address(50), U8, Count(), "one more")
+
+    names = list(Longer.registers)
+    assert names[names.index("led") + 1] == "extra"
+
+
+def test_only_a_generic_model_may_lack_units() -> None:
+    with pytest.raises(
+        TypeError, match="the unit of registered_instruction is not said; only a generic model may lack it"
+    ):
+
+        class Vague(RX28):
+            title, number = "Vague-1", 901
+            registered_instruction = DynamixelTable.registered_instruction.with_(scale=RAW)
+
+    with pytest.raises(TypeError, match="punch can only be read as long as the unit is not known"):
+
+        class Bold(UnknownDynamixel):
+            title, generic = "Bold, model unknown", True
+            punch = UnknownDynamixel.punch.with_(scale=RAW)
+
+
+@pytest.mark.parametrize("name", ["ax12", "mx28", "drs0101", "hts35h", "rx64f"])
+def test_another_model_is_no_slip(name: str) -> None:
+    with pytest.raises(UnknownName, match=f"no model '{name}'; known are rx28, drs0602, lx16a"):
+        registry.model(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "near"), [("rx-2", "rx28"), ("lx16", "lx16a"), ("DRS602", "drs0602"), ("rx82", "rx28")]
+)
+def test_a_slip_is_seen(name: str, near: str) -> None:
+    with pytest.raises(UnknownName, match=f"did you mean {near}"):
+        registry.model(name)

@@ -12,7 +12,9 @@ STATUS = bytes.fromhex("FF FF 01 03 00 20 DB")
 
 def test_a_servo() -> None:
     entry = servo_entry(RX28.family, RX28, 7, 57_600, "24")
-    assert entry == {"family": "dynamixel", "model": "rx28", "id": 7, "baud": 57_600, "firmware": "24"}
+    assert entry == {
+        "family": "dynamixel", "model": "rx28", "model_number": 28, "id": 7, "baud": 57_600, "firmware": "24"
+    }  # fmt: skip
     assert servo_entry(RX28.family, None, 7, 57_600, "24")["model"] is None
 
 

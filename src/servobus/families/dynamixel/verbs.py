@@ -3,11 +3,12 @@
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Procedure, ReplyPattern
+from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Register
 from servobus.core.units import Flags
+from servobus.core.values import replace
 from servobus.errors import BadValue, BusError, NoReply, Refused, UsageError
 from servobus.families.base import (
     LIMP,
@@ -62,6 +63,8 @@ class Dynamixel1(Family):
     name = "dynamixel"
     title = "Dynamixel protocol 1.0"
     framing = FRAMING
+    # Measured by a user on an AX-12: 6 ms, give or take 1, 9 at most. The manual says nothing of it.
+    eeprom_time = 0.009
     needs = (
         "alarm_shutdown", "led", "lock", "max_torque", "moving", "moving_speed", "torque_limit",
     )  # fmt: skip
@@ -76,13 +79,19 @@ class Dynamixel1(Family):
         return ping(check_id(id))
 
     def identify(self, id: int) -> Procedure[Identity]:
-        """Read model number, firmware and return level; a servo at level 0 answers PING alone (D-22)."""
+        """Read model number, firmware and return level; a servo at level 0 answers PING alone (D-22).
+
+        Where no answer comes the servo is asked for less, so that it takes more than one lost packet to count as mute.
+        """
         try:
             # In all models of protocol 1.0 the model number is at 0, the version at 2, the return level at 16.
             data = yield from read_data(check_id(id), 0, 17)
         except NoReply:
             yield from ping(id)
-            return Identity(None, "", Answers.NOTHING)
+            try:
+                data = (yield from read_data(id, 0, 3)) + bytes(13) + (yield from read_data(id, 16, 1))
+            except NoReply:
+                return Identity(None, "", Answers.NOTHING)
         return Identity(int.from_bytes(data[:2], "little"), str(data[2]), Answers(min(data[16], 2)))
 
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
@@ -91,7 +100,8 @@ class Dynamixel1(Family):
 
     def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         if target.answers is Answers.NOTHING:
-            raise cannot(target, "be read", "its Status Return Level is 0; write status_return_level first")
+            mend = f"`servobus write PORT {target.id} status_return_level=1` lets it answer"
+            raise cannot(target, "be read", f"its Status Return Level is 0; {mend}")
         # A second exchange costs 14 bytes of frames and the return delay: rather bridge a gap as wide.
         spans = blocks(
             ((_address(register), register.layout.size) for register in registers), gap=16, longest=RX_BUFFER - 6
@@ -114,8 +124,15 @@ class Dynamixel1(Family):
         parts = {_address(register): register.layout.pack(raw) for register, raw in fresh.items()}
         # The EEPROM wears, and a second write of id or speed would reach no servo: only RAM may be written twice.
         in_ram = all(register.area is Area.RAM for register in fresh)
+        id, baud = target.model.register("id"), target.model.optional("baud")
         for address, data in adjacent(parts):
             yield _write(target, address, data, repeatable=in_ram)
+            worn = [row for row in fresh if row.area is Area.EEPROM and address <= _address(row) < address + len(data)]
+            size = sum(row.layout.size for row in worn)
+            if baud in worn:  # it answers at another speed now
+                yield Pause(size * self.eeprom_time)
+            elif worn:
+                yield from self.await_eeprom(replace(target, id=fresh[id]) if id in worn else target, size)
 
     def _check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:
         """Ask for Lock: once it is on, only addresses 24 to 35 can be written until power-off (3-4-2 Lock)."""
@@ -265,8 +282,7 @@ class Dynamixel1(Family):
         raise cannot(target, "be rebooted", "protocol 1.0 has no such instruction; switch its power off and on")
 
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
-        if keep:
-            raise cannot(target, f"keep {', '.join(sorted(keep))}", "RESET restores everything, id and baud included")
+        self.check_reset(target, keep)
         yield from reset(target.id, answered=_answers(target))
         factory_id = target.model.register("id").default
         return target.id if factory_id is None else factory_id, target.model.factory_baud

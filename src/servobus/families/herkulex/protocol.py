@@ -40,8 +40,9 @@ TURNAROUND = 5 * ms
 """Assumption: the manual gives no figure; users of real servos report 2 to 3 ms per request."""
 EEP_TIME = 50 * ms
 """Assumption: time that writing the EEPROM takes; a restart before its end might cut it short."""
-BOOT_TIME = 0.5
-"""Assumption: s for which a servo is deaf after REBOOT. Users report that it needs a delay, not how long."""
+LONGEST_BOOT = 4.0
+"""Assumption: s after REBOOT within which a servo answers again. The manual gives no figure; programs by other people
+wait 0.5, 1 or 2 s."""
 BAUD = Lookup({0x10: 115_200, 1: 1_000_000, 0x22: 57_600, 2: 666_666, 3: 500_000, 4: 400_000, 7: 250_000, 9: 200_000})
 """Codes of the Baud Rate register (4-2 NO 5), most likely first."""
 
@@ -435,7 +436,7 @@ def rollback(id: int, keep: Keep = Keep.NOTHING, *, answered: bool = False) -> E
 
 
 def reboot(id: int, *, answered: bool = False) -> Exchange[None]:
-    """REBOOT (6-9). The servo hears nothing for BOOT_TIME afterwards."""
+    """REBOOT (6-9). The servo hears nothing for a while afterwards, see LONGEST_BOOT."""
     return _command(f"REBOOT id {id}", Reboot(id), answered)
 
 

@@ -39,9 +39,9 @@ from servobus.families.herkulex.places import EEP, RAM
 from servobus.families.herkulex.protocol import (
     ACK,
     ACK_POLICY,
-    BOOT_TIME,
     EEP_TIME,
     FRAMING,
+    LONGEST_BOOT,
     LONGEST_PLAYTIME,
     MAX_DATA,
     MOST_I_JOG,
@@ -94,6 +94,7 @@ class Herkulex(Family):
     framing = FRAMING
     full_duplex = True
     keepable = tuple(_KEEPS)
+    patience = LONGEST_BOOT
     needs = (
         "ack_policy", "baud_rate", "current_control_mode", "led_control", "max_pwm", "pwm", "status_detail",
         "status_error", "torque_control", "torque_policy",
@@ -101,6 +102,8 @@ class Herkulex(Family):
 
     def check_model(self, model: type[Model]) -> None:
         """Make sure that the two bytes of the model number say what the model says (NO 1 and 2)."""
+        if model.generic:
+            return
         bytes_ = {row.place.within(EEP): row for row in model.registers.values()}
         said = [bytes_[at].default if at in bytes_ else None for at in (0, 1)]
         if said != [*(model.number or 0).to_bytes(2)]:
@@ -114,12 +117,16 @@ class Herkulex(Family):
         """Read model, version and ACK Policy; a servo with policy 0 answers STAT alone (H-25)."""
         try:
             model = yield from eep_read(id, 0, 4)
-            policy = yield from ram_read(id, ACK_POLICY, 1)
         except NoReply:
             yield from stat(id)
             return Identity(None, "", Answers.NOTHING)
+        try:
+            (policy,) = yield from ram_read(id, ACK_POLICY, 1)
+        except NoReply:
+            policy = Answers.READS  # it has just answered one
+        answers = Answers(min(policy, 2))
         # Version bytes 00 90 read as "0.90": an assumption, the manual does not say how they are written.
-        return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", Answers(min(policy[0], 2)))
+        return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", answers)
 
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
         """STAT, and reads: an ACK tells command, address and length of its request."""
@@ -145,7 +152,7 @@ class Herkulex(Family):
         for row, raw in values.items():
             spots = row.place.locations if keep else row.place.locations[:1]
             parts += [(spot, row.layout.pack(raw)) for spot in spots if spot[0] == RAM or row not in same]
-        yield from _send(target, parts)
+        yield from self._send(target, parts)
 
     def wears(self, register: Register[Any], *, keep: bool) -> bool:
         """EEP is written by `store`, and by `write` where RAM does not have the register."""
@@ -328,16 +335,10 @@ class Herkulex(Family):
 
     def reboot(self, target: KnownServo) -> Procedure[None]:
         target.record.forget()
-        try:
-            yield from reboot(target.id, answered=_answers(target))
-        except BusError:
-            yield Pause(BOOT_TIME)  # it may be on its way all the same
-            raise
-        yield Pause(BOOT_TIME)
+        yield from reboot(target.id, answered=_answers(target))
 
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
-        if unknown := keep - _KEEPS.keys():
-            raise cannot(target, f"keep {', '.join(sorted(unknown))}", f"ROLLBACK can keep {', '.join(_KEEPS)}")
+        self.check_reset(target, keep)
         id, baud = (target.model.register(name) for name in ("id", "baud_rate"))
         new_id, code = id.default, baud.default
         if "id" in keep:
@@ -349,6 +350,7 @@ class Herkulex(Family):
         kept = Keep(sum(_KEEPS[name] for name in keep))
         yield from rollback(target.id, kept, answered=_answers(target))
         yield Pause(EEP_TIME)
+        yield from self.await_eeprom(target, 0)
         yield from self.reboot(target)
         return new_id, baud.decode(code)
 
@@ -374,7 +376,7 @@ class Herkulex(Family):
         """Write one register to EEP and nowhere else, until it is there. Raises BusError if it does not get there."""
         part = row.place.locations[-1], row.layout.pack(raw)
         if target.answers is Answers.NOTHING:  # then nothing can be made sure of
-            yield from _send(target, [part])
+            yield from self._send(target, [part])
             return
         for _ in range(2):
             (kept,) = yield from self.read_stored(target, [row])
@@ -382,10 +384,28 @@ class Herkulex(Family):
                 return
             target.record.check_wear(str(target), [row])
             target.record.wrote([row])
-            yield from _send(target, [part])
+            yield from self._send(target, [part])
         (kept,) = yield from self.read_stored(target, [row])
         if kept != raw:
             raise BusError(f"{target} did not keep {row.name} = {raw}: it is {kept}")
+
+    def _send(self, target: ServoRef, parts: Iterable[tuple[Location, bytes]]) -> Procedure[None]:
+        """Write to EEP, then to RAM from the top down.
+
+        So ID and ACK Policy, RAM 0 and 1, come last: what followed them would have to go by the new ones.
+        """
+        maps: dict[str, dict[int, bytes]] = {EEP: {}, RAM: {}}
+        for (space, address), data in parts:
+            maps[space][address] = data
+        for address, data in adjacent(maps[EEP]):
+            yield from eep_write(target.id, address, data, answered=_answers(target))
+            yield from self.await_eeprom(target, len(data))
+        for address, data in reversed(adjacent(maps[RAM])):
+            new_policy = address <= ACK_POLICY < address + len(data)
+            yield from ram_write(target.id, address, data, answered=_answers(target) and not new_policy)
+            if new_policy:
+                # Whether the old or the new policy rules the ACK is an assumption (H-30): let one pass unheard.
+                yield Pause(2 * TURNAROUND)
 
     def explain(
         self,
@@ -425,7 +445,8 @@ HERKULEX = Herkulex()
 def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequence[Location]) -> Reading:
     """Tell what to ask for registers that stand at the spots given."""
     if target.answers is Answers.NOTHING:
-        raise cannot(target, "be read", "its ACK Policy is 0; write ack_policy first")
+        mend = f"`servobus write PORT {target.id} ack_policy=reads` lets it answer"
+        raise cannot(target, "be read", f"its ACK Policy is 0; {mend}")
     wanted = list(zip(registers, spots, strict=True))
     exchanges: list[Exchange[bytes]] = []
     found: dict[Location, tuple[int, int]] = {}
@@ -442,24 +463,6 @@ def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequen
         n, at = found[spot]
         places.append((n, slice(at, at + row.layout.size), row.layout))
     return Reading(tuple(exchanges), tuple(places))
-
-
-def _send(target: ServoRef, parts: Iterable[tuple[Location, bytes]]) -> Procedure[None]:
-    """Write to EEP, then to RAM from the top down.
-
-    So ID and ACK Policy, RAM 0 and 1, come last: what followed them would have to go by the new ones.
-    """
-    maps: dict[str, dict[int, bytes]] = {EEP: {}, RAM: {}}
-    for (space, address), data in parts:
-        maps[space][address] = data
-    for address, data in adjacent(maps[EEP]):
-        yield from eep_write(target.id, address, data, answered=_answers(target))
-    for address, data in reversed(adjacent(maps[RAM])):
-        new_policy = address <= ACK_POLICY < address + len(data)
-        yield from ram_write(target.id, address, data, answered=_answers(target) and not new_policy)
-        if new_policy:
-            # Whether the old or the new policy rules the ACK is an assumption (H-30): let one pass unheard.
-            yield Pause(2 * TURNAROUND)
 
 
 def _answers(target: ServoRef) -> bool:

@@ -8,7 +8,8 @@ from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Register
 from servobus.core.units import Flags, deg
-from servobus.errors import BadValue, BusError, Refused
+from servobus.core.values import replace
+from servobus.errors import BadValue, BusError, Refused, UsageError
 from servobus.families.base import (
     LIMP,
     TRIES,
@@ -55,9 +56,6 @@ WATCH = 0.05
 
 FAR = 4.9 * deg
 """Way from its goal from which on a servo that stands still is taken to be blocked; assumption."""
-
-_LIMITS = (Command.SERVO_ANGLE_LIMIT_WRITE, Command.SERVO_VIN_LIMIT_WRITE)
-"""The lower value must be below the upper (points 12, 14); else the servo ignores both in silence (L-47)."""
 
 
 class Lewansoul(Family):
@@ -227,10 +225,12 @@ class Lewansoul(Family):
         yield from ()  # a procedure without steps
         raise cannot(target, "be rebooted", "the protocol has no such command; switch its power off and on")
 
+    def check_reset(self, target: ServoRef, keep: frozenset[str]) -> None:  # noqa: ARG002
+        raise _no_reset(target)
+
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:  # noqa: ARG002
         yield from ()  # a procedure without steps
-        why = "the protocol has no such command; restore a backup, or set the registers one by one"
-        raise cannot(target, "be reset", why)
+        raise _no_reset(target)
 
     def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
         yield from self.write(target, {target.model.register("id"): check_id(id)})
@@ -275,12 +275,12 @@ class Lewansoul(Family):
             for register, raw in group.items():
                 data[_bytes(register)] = register.layout.pack(raw)
             parameters = values_of(command, command.params, bytes(data))
-            if command in _LIMITS and parameters[0] >= parameters[1]:
-                low, high = parameters
-                raise BadValue(f"{target}: the lower limit {low} is not below the upper one, {high} (raw)")
             yield from send(target.id, command, *parameters)
             if save and command is Command.SERVO_ANGLE_OFFSET_ADJUST:
                 yield from angle_offset_write(target.id)
+            if any(self.wears(register, keep=save) for register in group):
+                id = group.get(target.model.register("id"), target.id)
+                yield from self.await_eeprom(replace(target, id=id), len(data))
 
     def _rest(self, target: ServoRef, command: Command, group: Mapping[Register[Any], int]) -> Procedure[bytearray]:
         """Give the command's parameters as they are in the servo, or zeros where all of them are given."""
@@ -293,6 +293,11 @@ class Lewansoul(Family):
 
 LEWANSOUL = Lewansoul()
 """The one instance, which all models share."""
+
+
+def _no_reset(target: ServoRef) -> UsageError:
+    why = "the protocol has no such command; restore a backup, or set the registers one by one"
+    return cannot(target, "be reset", why)
 
 
 def _pair(register: Register[Any]) -> Pair:

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from servobus.core.exchange import Exchange, Pause, Procedure
+from servobus.core.exchange import Exchange, Now, Pause, Procedure
 from servobus.core.framing import Packet
 from servobus.core.registers import Register
 from servobus.core.units import deg
@@ -14,7 +14,6 @@ from servobus.families.base import Answers, AxisMove, Identity, KnownServo, Serv
 from servobus.families.herkulex import protocol as herkulex
 from servobus.families.herkulex.models.drs0602 import DRS0602
 from servobus.families.herkulex.protocol import (
-    BOOT_TIME,
     EEP_TIME,
     FRAMING,
     ControlMode,
@@ -53,6 +52,9 @@ def play(procedure: Procedure[Any], *answers: bytes | Exception) -> tuple[Any, l
     reply: Any = None
     step = next(procedure)
     while True:
+        if isinstance(step, Now):
+            step = procedure.send(0.0)
+            continue
         if isinstance(step, Exchange):
             steps.append(said(step))
             answer = left.pop(0) if step.reply else b""
@@ -153,13 +155,15 @@ def test_a_mute_servo_cannot_be_read() -> None:
 
 def test_write_joins_neighbours() -> None:
     values = dict(zip(rows("max_position", "baud", "min_position"), [20000, 1, 12000], strict=True))
-    _, steps = play(FAMILY.put(TALKER, values, keep=False), OK, OK)
-    assert steps == [EepWrite(219, 4, b"\x01"), RamWrite(219, 20, b"\xe0\x2e\x20\x4e")]
+    _, steps = play(FAMILY.put(TALKER, values, keep=False), OK, OK, OK)
+    assert steps == [EepWrite(219, 4, b"\x01"), Stat(219), RamWrite(219, 20, b"\xe0\x2e\x20\x4e")]
 
 
 def test_store_writes_both_maps() -> None:
-    _, steps = play(FAMILY.put(SERVO, dict(zip(rows("position_kp", "baud"), [80, 1], strict=True)), keep=True))
-    assert steps == [EepWrite(219, 4, b"\x01"), EepWrite(219, 30, b"\x50\x00"), RamWrite(219, 24, b"\x50\x00")]
+    _, steps = play(FAMILY.put(SERVO, dict(zip(rows("position_kp", "baud"), [80, 1], strict=True)), keep=True), OK, OK)
+    heard = Stat(219)
+    kp = b"\x50\x00"
+    assert steps == [EepWrite(219, 4, b"\x01"), heard, EepWrite(219, 30, kp), heard, RamWrite(219, 24, kp)]
 
 
 def test_store_refuses_what_is_lost() -> None:
@@ -324,21 +328,21 @@ def test_no_such_colour() -> None:
 
 
 def test_reboot() -> None:
-    assert play(FAMILY.reboot(SERVO))[1] == [Reboot(219), Pause(BOOT_TIME)]
+    assert play(FAMILY.reboot(SERVO))[1] == [Reboot(219)]
 
 
 def test_reset() -> None:
     found, steps = play(
-        FAMILY.reset(KnownServo.of(ServoRef(3, DRS0602, Answers.EVERYTHING), 115200), frozenset()), OK, OK
+        FAMILY.reset(KnownServo.of(ServoRef(3, DRS0602, Answers.EVERYTHING), 115200), frozenset()), OK, OK, OK
     )
     assert found == (219, 115_200)
-    assert steps == [Rollback(3), Pause(EEP_TIME), Reboot(3), Pause(BOOT_TIME)]
+    assert steps == [Rollback(3), Pause(EEP_TIME), Stat(3), Reboot(3)]
 
 
 def test_reset_keeps() -> None:
     keep = frozenset({"id", "baud", "calibration"})
     target = KnownServo.of(ServoRef(3, DRS0602, Answers.READS), 115200)
-    found, steps = play(FAMILY.reset(target, keep), b"\x06\x01\x03" + OK, b"\x04\x01\x01" + OK)
+    found, steps = play(FAMILY.reset(target, keep), b"\x06\x01\x03" + OK, b"\x04\x01\x01" + OK, OK)
     assert found == (3, 1_000_000)
     assert steps[2] == Rollback(3, Keep.ID | Keep.BAUD | Keep.CALIBRATION)
 
@@ -350,17 +354,17 @@ def test_reset_keeps_nothing_else() -> None:
 
 def test_set_id_ends_with_the_write_that_acts() -> None:
     before, after = b"\x06\x01\xdb" + OK, b"\x06\x01\x04" + OK
-    _, steps = play(FAMILY.set_id(TALKER, 4), before, OK, after, OK)
+    _, steps = play(FAMILY.set_id(TALKER, 4), before, OK, OK, after, OK)
     look = EepRead(219, 6, 1)
-    assert steps == [look, EepWrite(219, 6, b"\x04"), look, RamWrite(219, 0, b"\x04")]
+    assert steps == [look, EepWrite(219, 6, b"\x04"), Stat(219), look, RamWrite(219, 0, b"\x04")]
     with pytest.raises(BadValue, match="broadcast"):
         play(FAMILY.set_id(SERVO, 254))
 
 
 def test_set_baud_restarts() -> None:
-    _, steps = play(FAMILY.set_baud(SERVO, 1_000_000), b"\x04\x01\x10" + OK, b"\x04\x01\x01" + OK)
+    _, steps = play(FAMILY.set_baud(SERVO, 1_000_000), b"\x04\x01\x10" + OK, OK, b"\x04\x01\x01" + OK)
     look = EepRead(219, 4, 1)
-    assert steps == [look, EepWrite(219, 4, b"\x01"), look, Pause(EEP_TIME), Reboot(219), Pause(BOOT_TIME)]
+    assert steps == [look, EepWrite(219, 4, b"\x01"), Stat(219), look, Pause(EEP_TIME), Reboot(219)]
     with pytest.raises(BadValue, match="9600"):
         play(FAMILY.set_baud(SERVO, 9600))
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from servobus.core.exchange import Exchange, Job, Pause
+from servobus.core.exchange import Exchange, Job, Now, Pause
 from servobus.core.framing import Packet
 from servobus.core.registers import Register
 from servobus.core.replies import ReplyCollector
@@ -23,6 +23,8 @@ from servobus.families.lewansoul.protocol import (
 from servobus.families.lewansoul.verbs import Lewansoul
 
 FAMILY = Lewansoul()
+HEARS = "SERVO_ID_READ id 3"
+"""What is asked after each write to the EEPROM."""
 TARGET = KnownServo.of(ServoRef(3, LX16A, Answers.READS), 115200)
 
 
@@ -38,7 +40,7 @@ class Pretender:
     """Answers like a servo with id 3: what a write command leaves, its read command gives back."""
 
     def __init__(self, **answers: tuple[int, ...]) -> None:
-        self.answers = {Command[name]: values for name, values in answers.items()}
+        self.answers = {Command.SERVO_ID_READ: (3,)} | {Command[name]: values for name, values in answers.items()}
         self.steps: list[str] = []
 
     def run_blocking(self, job: Job[Any]) -> Any:
@@ -55,6 +57,8 @@ class Pretender:
         if isinstance(step, Pause):
             self.steps.append("pause")
             return None
+        if isinstance(step, Now):
+            return 0.0
         assert isinstance(step, Exchange)
         (packet,) = step.framing.decode(step.request)
         assert isinstance(packet, Packet)
@@ -68,15 +72,17 @@ class Pretender:
             return None
         collector = ReplyCollector([step])
         if command in self.answers:
-            collector.feed(encode(Answer(3, command, self.answers[command])))
+            collector.feed(encode(Answer(request.id, command, self.answers[command])))
         return collector.result()
 
 
 def test_a_servo_that_answers_is_known_by_its_presence_alone() -> None:
     identity = Pretender(SERVO_ID_READ=(3,)).run_blocking(FAMILY.identify(3))
     assert (identity.number, identity.firmware, identity.answers) == (None, "", Answers.READS)
+    nobody = Pretender()
+    nobody.answers.clear()
     with pytest.raises(NoReply):
-        Pretender().run_blocking(FAMILY.identify(3))
+        nobody.run_blocking(FAMILY.identify(3))
 
 
 def test_registers_of_one_command_are_read_with_one_question() -> None:
@@ -89,7 +95,7 @@ def test_registers_of_one_command_are_read_with_one_question() -> None:
 def test_parameters_that_are_not_given_are_sent_back_as_they_were() -> None:
     servo = Pretender(SERVO_ANGLE_LIMIT_READ=(100, 900))
     servo.run_blocking(FAMILY.put(TARGET, {LX16A.max_position: 800}, keep=False))
-    assert servo.steps == ["SERVO_ANGLE_LIMIT_READ id 3", "SERVO_ANGLE_LIMIT_WRITE id 3, min 100, max 800"]
+    assert servo.steps == ["SERVO_ANGLE_LIMIT_READ id 3", "SERVO_ANGLE_LIMIT_WRITE id 3, min 100, max 800", HEARS]
 
 
 def test_nothing_is_read_first_where_all_parameters_are_given() -> None:
@@ -127,7 +133,7 @@ def test_a_reading_cannot_be_written() -> None:
 def test_limits_that_cross_are_refused_for_the_servo_would_ignore_them(low: Any, high: Any) -> None:
     servo = Pretender()
     with pytest.raises(BadValue, match="is not below"):
-        servo.run_blocking(FAMILY.put(TARGET, {low: 5000, high: 5000}, keep=False))
+        servo.run_blocking(FAMILY.write(TARGET, {low: 5000, high: 5000}))
     assert servo.steps == []
 
 
@@ -137,8 +143,11 @@ def test_the_id_is_written_last() -> None:
     assert servo.steps == [
         "SERVO_ANGLE_OFFSET_ADJUST id 3, offset -50",
         "SERVO_ANGLE_OFFSET_WRITE id 3",
+        HEARS,
         "SERVO_LED_CTRL_WRITE id 3, led 1",
+        HEARS,
         "SERVO_ID_WRITE id 3, new_id 4",
+        "SERVO_ID_READ id 4",
     ]
 
 
@@ -258,6 +267,7 @@ def test_position_mode_sets_limits_only_where_given_and_changes_the_mode_only_wh
     assert servo.steps == [
         "SERVO_ANGLE_LIMIT_READ id 3",
         "SERVO_ANGLE_LIMIT_WRITE id 3, min 100, max 900",
+        HEARS,
         "SERVO_OR_MOTOR_MODE_READ id 3",
     ]
     with pytest.raises(BadValue):
@@ -269,7 +279,8 @@ def test_the_light_is_on_at_0() -> None:
     servo.run_blocking(FAMILY.led(TARGET, "on"))
     servo.run_blocking(FAMILY.led(TARGET, "off"))
     read = "SERVO_LED_CTRL_READ id 3"
-    assert servo.steps == [read, "SERVO_LED_CTRL_WRITE id 3, led 0", read, "SERVO_LED_CTRL_WRITE id 3, led 1"]
+    on, off = "SERVO_LED_CTRL_WRITE id 3, led 0", "SERVO_LED_CTRL_WRITE id 3, led 1"
+    assert servo.steps == [read, on, HEARS, read, off, HEARS]
     with pytest.raises(BadValue, match="'red'"):
         servo.run_blocking(FAMILY.led(TARGET, "red"))
 
@@ -277,7 +288,7 @@ def test_the_light_is_on_at_0() -> None:
 def test_the_id_is_changed_with_one_command() -> None:
     servo = Pretender(SERVO_ID_READ=(3,))
     servo.run_blocking(FAMILY.set_id(TARGET, 4))
-    assert servo.steps == ["SERVO_ID_READ id 3", "SERVO_ID_WRITE id 3, new_id 4"]
+    assert servo.steps == ["SERVO_ID_READ id 3", "SERVO_ID_WRITE id 3, new_id 4", "SERVO_ID_READ id 4"]
 
 
 @pytest.mark.parametrize(

@@ -1,31 +1,18 @@
-"""LX-16A. Source: the LewanSoul bus servo protocol document, section 4 and table 4; it names no model.
+"""LX-16A. The protocol document names no model; figures from product pages."""
 
-What the protocol keeps in pairs of commands stands here as registers; the servo has no table of its own.
-"""
+from servobus.core.units import deg
+from servobus.families.lewansoul.models.table import LxTable
+from servobus.families.model import Performance, SpecSheet
 
-from servobus.core.registers import S8, S16, U8, U16, Access, Area, Register
-from servobus.core.units import Choice, Count, Flags, Quantity, Switch, deg, ms
-from servobus.families.lewansoul.places import Pair
-from servobus.families.lewansoul.protocol import BAUD, FULL_OUTPUT, Alarm, Command, Mode
-from servobus.families.lewansoul.verbs import LEWANSOUL
-from servobus.families.model import Model, Performance, SpecSheet
-
-EEPROM, READ = Area.EEPROM, Access.READ
 KGF_CM = 0.0980665
 """One kgf·cm in N·m."""
 INCH = 0.0254
 
 
-class LX16A(Model):
+class LX16A(LxTable):
     """Position 0 .. 1000 is 0° .. 240°; positions that are read may lie outside, and below 0."""
 
     title = "LX-16A"
-    family = LEWANSOUL
-    number = None
-    factory_baud = BAUD
-    bauds = (BAUD,)
-    max_move_time = 30.0
-    turn_scale = Quantity("1", 1 / FULL_OUTPUT)
     firmware = "servobus.families.lewansoul.firmware:LewansoulServo"
     motors = "servobus.families.lewansoul.motors:LX16A_SETS"
     # The protocol document has no specification. Figures of the maker's and resellers' product pages; some
@@ -45,99 +32,3 @@ class LX16A(Model):
         size=(1.78 * INCH, 0.97 * INCH, 1.38 * INCH),
         link="one data wire, half duplex, 8N1, 115200 bit/s",
     )
-
-    angle = Quantity("rad", 0.24 * deg)
-    time = Quantity("s", ms)
-    volts = Quantity("V", 0.001)
-    celsius = Quantity("degC", 1.0)
-
-    goal_position = Register(
-        Pair(Command.SERVO_MOVE_TIME_WRITE, Command.SERVO_MOVE_TIME_READ), U16, angle, "target position",
-        limits=(0, 1000), volatile=True, motion=True,
-        note="EL-02: 0 .. 1000, not 0 .. 100; L-20: the present position before any move",
-    )  # fmt: skip
-    goal_time = Register(
-        Pair(Command.SERVO_MOVE_TIME_WRITE, Command.SERVO_MOVE_TIME_READ, 2, alone=False), U16, time,
-        "time to reach the target position; 0 is as fast as possible",
-        default=0, limits=(0, 30000), volatile=True, note="EL-16, L-20",
-    )  # fmt: skip
-    wait_goal_position = Register(
-        Pair(Command.SERVO_MOVE_TIME_WAIT_WRITE, Command.SERVO_MOVE_TIME_WAIT_READ), U16, angle,
-        "target position kept until MOVE_START",
-        limits=(0, 1000), volatile=True, motion=True,
-        note="EL-04: not every LX-16A lets the kept move be read",
-    )  # fmt: skip
-    wait_goal_time = Register(
-        Pair(Command.SERVO_MOVE_TIME_WAIT_WRITE, Command.SERVO_MOVE_TIME_WAIT_READ, 2, alone=False), U16,
-        time, "time of the kept move; 0 is as fast as possible", limits=(0, 30000),
-        volatile=True, note="EL-04, EL-16",
-    )  # fmt: skip
-    id = Register(
-        Pair(Command.SERVO_ID_WRITE, Command.SERVO_ID_READ), U8, Count(), "bus id",
-        default=1, limits=(0, 253), area=EEPROM,
-    )  # fmt: skip
-    angle_offset = Register(
-        Pair(Command.SERVO_ANGLE_OFFSET_ADJUST, Command.SERVO_ANGLE_OFFSET_READ), S8, angle,
-        "shift of the zero; the servo turns by it at once; saved by a command of its own",
-        default=0, limits=(-125, 125), area=EEPROM, note="EL-05, EL-14",
-    )  # fmt: skip
-    min_position = Register(
-        Pair(Command.SERVO_ANGLE_LIMIT_WRITE, Command.SERVO_ANGLE_LIMIT_READ), U16, angle,
-        "lowest goal position, below max_position", default=0, limits=(0, 1000), area=EEPROM,
-    )  # fmt: skip
-    max_position = Register(
-        Pair(Command.SERVO_ANGLE_LIMIT_WRITE, Command.SERVO_ANGLE_LIMIT_READ, 2), U16, angle,
-        "highest goal position, above min_position", default=1000, limits=(0, 1000), area=EEPROM,
-    )  # fmt: skip
-    min_voltage = Register(
-        Pair(Command.SERVO_VIN_LIMIT_WRITE, Command.SERVO_VIN_LIMIT_READ), U16, volts,
-        "supply below which the torque goes off", default=6500, limits=(4500, 12000), area=EEPROM,
-        note="EL-07: 4.5 .. 12 V as for writing, not the narrower ranges of the answer",
-    )  # fmt: skip
-    max_voltage = Register(
-        Pair(Command.SERVO_VIN_LIMIT_WRITE, Command.SERVO_VIN_LIMIT_READ, 2), U16, volts,
-        "supply above which the torque goes off", default=12000, limits=(4500, 12000), area=EEPROM,
-        note="EL-07: servos with 14 V set have been seen; as printed here",
-    )  # fmt: skip
-    max_temperature = Register(
-        Pair(Command.SERVO_TEMP_MAX_LIMIT_WRITE, Command.SERVO_TEMP_MAX_LIMIT_READ), U8, celsius,
-        "temperature above which the torque goes off until it is cooler",
-        default=85, limits=(50, 100), area=EEPROM,
-    )  # fmt: skip
-    present_temperature = Register(
-        Pair(None, Command.SERVO_TEMP_READ), U8, celsius, "internal temperature", access=READ
-    )
-    present_voltage = Register(
-        Pair(None, Command.SERVO_VIN_READ), U16, volts, "supply voltage", access=READ, note="EL-18: in mV"
-    )
-    present_position = Register(
-        Pair(None, Command.SERVO_POS_READ), S16, angle, "position; may be negative", access=READ, note="EL-18"
-    )
-    mode = Register(
-        Pair(Command.SERVO_OR_MOTOR_MODE_WRITE, Command.SERVO_OR_MOTOR_MODE_READ), U8, Choice(Mode),
-        "position control or endless turn; position after power-on", default=Mode.POSITION, limits=(0, 1),
-        volatile=True, motion=True,
-    )  # fmt: skip
-    motor_speed = Register(
-        Pair(Command.SERVO_OR_MOTOR_MODE_WRITE, Command.SERVO_OR_MOTOR_MODE_READ, 2), S16,
-        turn_scale, "share of full output in motor mode; negative is reverse",
-        default=0, limits=(-FULL_OUTPUT, FULL_OUTPUT), volatile=True, motion=True,
-        note="a duty in fact, not a controlled speed",
-    )  # fmt: skip
-    torque_enable = Register(
-        Pair(Command.SERVO_LOAD_OR_UNLOAD_WRITE, Command.SERVO_LOAD_OR_UNLOAD_READ), U8, Switch(),
-        "torque on or off", default=0, limits=(0, 1), note="EL-08: off at power-on, as printed",
-    )  # fmt: skip
-    led = Register(
-        Pair(Command.SERVO_LED_CTRL_WRITE, Command.SERVO_LED_CTRL_READ), U8, Switch(on=0),
-        "light on or off; raw 0 is on", default=0, limits=(0, 1), area=EEPROM, note="EL-09",
-    )  # fmt: skip
-    led_error = Register(
-        Pair(Command.SERVO_LED_ERROR_WRITE, Command.SERVO_LED_ERROR_READ), U8, Flags(Alarm),
-        "faults that make the light flash", default=7, limits=(0, 7), area=EEPROM,
-        note="EL-13: saved, and 7 from the factory, are assumptions",
-    )  # fmt: skip
-
-    # Other names for the same rows: the manual's word for torque, and the name other families have.
-    load = torque_enable
-    alarm_led = led_error

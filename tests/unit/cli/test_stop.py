@@ -1,0 +1,229 @@
+"""`stop` and `torque ... off` reach whoever can be reached, and what is printed to stop a servo does so."""
+
+import shlex
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import servobus
+from samples import every_model, factory_bauds, has, one_model_of_each_family, other_bauds, turning
+from servobus import MODELS, connect, deg
+from servobus.cli import stop
+from servobus.core.ids import BROADCAST
+from servobus.families import registry
+from servobus.virtual.serve.inprocess import VirtualPort
+from unit.cli.conftest import Run
+
+ALL_FAMILIES = ",".join(f"{model}@{n + 1}" for n, model in enumerate(MODELS))
+
+
+@pytest.fixture
+def ports(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Any]:
+    """Make a port that lasts from command to command: its servos go on, and the test sees them."""
+
+    def make(spec: str) -> Any:
+        bus = connect.open(f"virtual:{spec}?clock=virtual")
+
+        def opened(_: str) -> servobus.Bus:
+            port: VirtualPort = bus.transport  # type: ignore[assignment] # a virtual: port is one
+            port.reopen()
+            return servobus.Bus(port)
+
+        monkeypatch.setattr(servobus, "open", opened)
+        return bus
+
+    return make
+
+
+def set_going(bus: Any, turn: bool) -> None:
+    """Set all servos of a bus going, slowly or without end."""
+    for real in bus.transport.servos:
+        servo = bus.attach(real.model, real.id, baud=near(real))
+        servo.torque_on()
+        if turn:
+            servo.turn(**turning(servo.model))
+        else:
+            servo.start_move(servo.look().position + 40 * deg, time=2.5)
+    bus.transport.sleep(0.3)
+
+
+def near(real: Any) -> int:
+    """Give the speed of a servo as its manual prints it."""
+    return min((int(baud) for baud in real.model.bauds), key=lambda baud: abs(baud - real.baud))
+
+
+def stand(bus: Any) -> list[bool]:
+    """Tell which shafts have come to rest."""
+    port = bus.transport
+    port.reopen()
+    port.sleep(0.3)
+    before = [real.shaft.position for real in port.servos]
+    port.sleep(0.3)
+    return [abs(real.shaft.position - was) < 0.01 * deg for real, was in zip(port.servos, before, strict=True)]
+
+
+def set_baud(bus: Any, baud: int) -> None:
+    for real in bus.transport.servos:
+        if has(real.model, "baud"):
+            row = real.model.register("baud")
+            real.memory.store(row, row.encode(baud))
+            real.power_on(bus.transport.now())
+
+
+@every_model
+@pytest.mark.parametrize("turn", [False, True])
+@pytest.mark.parametrize("verb", ["stop", "torque"])
+def test_N2_one_that_is_missing_keeps_no_other_moving(
+    ports: Callable[[str], Any], run: Run, key: str, turn: bool, verb: str
+) -> None:
+    bus = ports(f"{key}@1,2")
+    set_going(bus, turn)
+    words = ("off",) if verb == "torque" else ()
+    result = run(verb, "arm", 1, 99, 2, *words, code=1)
+    assert stand(bus) == [True, True]
+    assert result.stdout.count(": torque off\n" if words else " stopped: ") == 2
+    assert "no servo answers to id 99" in result.stderr
+    assert "may still move" in result.stderr
+
+
+@every_model
+def test_N2_both_are_stopped_before_the_missing_one_is_looked_for(
+    ports: Callable[[str], Any], run: Run, key: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bus = ports(f"{key}@1,2")
+    set_going(bus, turn=False)
+    begun, told = bus.transport.now(), []
+    monkeypatch.setattr(stop, "note", lambda text: told.append((text, bus.transport.now() - begun)))
+    run("stop", "arm", 1, 99, 2, code=1)
+    text, seconds = told[0]
+    assert text == "looking for id 99 at every speed"
+    assert seconds < 1.5  # by then all were asked twice, in all families
+    assert stand(bus) == [True, True]
+
+
+@every_model
+@pytest.mark.parametrize("faults", ["mute#1-2", "mute", "flip#1-3"])
+def test_N2_neither_does_a_lost_answer(ports: Callable[[str], Any], run: Run, key: str, faults: str) -> None:
+    """Of one that never answers it is told that it may still move; but it was told to let go, and hears that."""
+    bus = ports(f"{key}@1")
+    set_going(bus, turn=False)
+    bus.transport.inject(faults)
+    result = run("stop", "arm", 1, code=1 if faults == "mute" else 0)
+    bus.transport.inject(None)
+    assert stand(bus) == [True], result.output
+    assert faults != "mute" or "told to switch its torque off all the same" in result.stderr
+
+
+def test_N2_an_id_of_two_families_is_both(ports: Callable[[str], Any], run: Run) -> None:
+    bus = ports("rx28@10,lx16a@10,drs0602@10")
+    set_going(bus, turn=False)
+    assert run("stop", "arm", 10).stdout.count(" stopped: held at ") == 3
+    assert stand(bus) == [True] * 3
+
+
+@every_model
+def test_N2_one_at_another_speed_is_looked_for_there(ports: Callable[[str], Any], run: Run, key: str) -> None:
+    for baud in other_bauds(MODELS[key]):
+        bus = ports(f"{key}@1")
+        set_baud(bus, baud)
+        set_going(bus, turn=False)
+        assert " stopped: held at " in run("stop", "arm", 1).stdout
+        assert stand(bus) == [True]
+
+
+# Torque off, to all
+
+
+@pytest.mark.parametrize("turn", [False, True])
+def test_N6_all_off_reaches_every_family_at_its_factory_speed(
+    ports: Callable[[str], Any], run: Run, turn: bool
+) -> None:
+    bus = ports(ALL_FAMILIES)
+    set_going(bus, turn)
+    run("torque", "arm", "all", "off")
+    assert [real.torque for real in bus.transport.servos] == [False] * len(MODELS)
+
+
+@every_model
+def test_N6_all_off_reaches_every_speed_within_two_seconds(ports: Callable[[str], Any], run: Run, key: str) -> None:
+    for baud in MODELS[key].bauds:
+        bus = ports(f"{key}@1,2,219")
+        set_baud(bus, baud)
+        set_going(bus, turn=False)
+        begun = bus.transport.now()
+        said = run("torque", "arm", "all", "off").stdout
+        assert bus.transport.now() - begun < 2
+        assert [real.torque for real in bus.transport.servos] == [False] * 3, baud
+        assert str(baud) in said
+        assert "every servo" not in said
+
+
+def test_N6_servos_of_all_families_at_one_speed_hear_it(ports: Callable[[str], Any], run: Run) -> None:
+    speeds = [set(registry.bauds(family)) for family in registry.FAMILIES.values() if len(registry.bauds(family)) > 1]
+    for baud in sorted(set.intersection(*speeds)):
+        bus = ports(ALL_FAMILIES)
+        set_baud(bus, baud)
+        set_going(bus, turn=False)
+        run("torque", "arm", "all", "off")
+        assert [real.torque for real in bus.transport.servos] == [False] * len(MODELS), baud
+
+
+def test_N6_it_is_told_twice_and_only_where_it_is_asked_for(ports: Callable[[str], Any], run: Run) -> None:
+    bus = ports("rx28@1")
+    heard: list[Any] = []
+    real = bus.transport.servos[0]
+    hear = real.hear
+
+    def heard_too(event: Any, now: float) -> Any:
+        heard.append(event)
+        return hear(event, now)
+
+    real.hear = heard_too
+    said = run("torque", "arm", "all", "off", "--baud", 57600, "--family", "dynamixel").stdout
+    assert said == "torque off: told all ids of dynamixel at 57600\n"
+    # WRITE_DATA of Torque Enable, address 24 (3-4), to the broadcast id
+    assert [(one.id, one.code, one.data) for one in heard] == [(BROADCAST, 3, bytes([24, 0]))] * 2
+
+
+# What is printed
+
+
+@one_model_of_each_family
+def test_N5_what_turn_prints_works_for_a_servo_at_another_speed(
+    ports: Callable[[str], Any], run: Run, key: str
+) -> None:
+    model = MODELS[key]
+    baud = next(iter(other_bauds(model)), model.factory_baud)
+    bus = ports(f"{key}@1")
+    set_baud(bus, baud)
+    how = ("--speed", "60") if model.turns_at_speed() else ("--output", "40")
+    result = run("turn", "arm", 1, *how, "--baud", baud, "--family", model.family.name)
+    stopping = shlex.split(result.stdout.split("`")[1])
+    assert f"--family {model.family.name}" in result.stdout
+    assert ("--baud" in stopping) == (baud not in factory_bauds(model.family))
+    assert "it turns no more" in run(*stopping[1:]).stdout
+    assert stand(bus) == [True]
+    back = shlex.split(result.stderr.partition("back to angles: ")[2].splitlines()[0])
+    assert "takes angles again" in run(*back[1:]).stdout
+
+
+def test_N5_the_model_that_was_said_is_said_again(run: Run) -> None:
+    port = "virtual:lx16a@1?clock=virtual"
+    said = run("turn", port, 1, "--output", "10", "--model", "lx16a").stdout
+    assert f"`servobus stop '{port}' 1 --model lx16a` stops it" in said
+
+
+def test_N5_what_reset_prints_undoes_it(ports: Callable[[str], Any], run: Run, tmp_path: Any) -> None:
+    bus = ports("drs0602@5")
+    set_baud(bus, 500_000)
+    file = tmp_path / "saved.toml"
+    where = ["--family", "herkulex", "--baud", "500000"]
+    result = run("reset", "arm", 5, "--keep", "baud", "--yes", *where, "--backup", file)
+    undo = [shlex.split(line)[1:] for line in result.stdout.splitlines() if line.startswith("  servobus ")]
+    assert len(undo) == 2  # what was saved, and the id
+    for words in undo:
+        assert words[-4:] == where
+        run(*words, *(["--yes"] if words[0] == "restore" else []))
+    bus.transport.reopen()
+    assert (bus.transport.servos[0].id, near(bus.transport.servos[0])) == (5, 500_000)
