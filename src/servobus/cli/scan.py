@@ -62,6 +62,8 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
             note("servobus: stopped; this is what was found so far")
     found, troubles = result.found, result.troubles
     _note_problems(troubles, found)
+    if result.late:
+        note(f"answers come {1000 * result.late:.0f} ms late; waited longer for them (`servobus doctor` says more)")
     if json:
         print_json([servo_entry(one.family, one.model, one.id, one.baud, one.identity.firmware) for one in found])
     elif not found:
