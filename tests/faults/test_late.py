@@ -128,7 +128,7 @@ def test_T8_doctor_names_the_lateness(key: str, delay: str, monkeypatch: pytest.
     assert late.level is Severity.WARN
     milliseconds = int(late.what.removeprefix("answers come ").removesuffix(" ms late"))
     assert milliseconds == pytest.approx(int(delay.removesuffix("ms")), rel=0.2)
-    assert "1-2" in findings["servos"].what
+    assert "ids 1, 2" in findings["servos"].what
     assert findings["reads"].what.startswith("10, none lost")
     assert not any(one.level is Severity.FAIL for one in findings.values())
 
