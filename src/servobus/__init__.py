@@ -34,6 +34,7 @@ from servobus.errors import (
     MotionError,
     MoveTimeout,
     NoReply,
+    NotRestored,
     PortError,
     PortLost,
     Refused,
@@ -55,6 +56,7 @@ from servobus.families.registry import DRS0602, FAMILIES, LX16A, MODELS, RX28
 from servobus.jobs.backup import Backup
 from servobus.jobs.look import Snapshot
 from servobus.link.stats import Counts, Stats
+from servobus.safety.signals import catch_signals
 from servobus.safety.watchdog import Watchdog
 
 if TYPE_CHECKING:
@@ -103,6 +105,7 @@ __all__ = [
     "Move",
     "MoveTimeout",
     "NoReply",
+    "NotRestored",
     "PortError",
     "PortLost",
     "Readings",
@@ -123,6 +126,7 @@ __all__ = [
     "UsageError",
     "Watchdog",
     "WrongReply",
+    "catch_signals",
     "deg",
     "dynamixel1",
     "herkulex",

@@ -7,6 +7,7 @@
     │   └── EepromWear                a register in EEPROM was written too often lately
     ├── PortError (OSError)           the port cannot be opened, is in use, or is closed
     │   └── PortLost                  the port was open and went away: unplugged, hung up, or stuck
+    ├── NotRestored                   a backup was restored but for some settings
     ├── BusError                      an exchange failed
     │   ├── NoReply (TimeoutError)    silence
     │   ├── Garbled                   bytes came, but no packet: wrong baud, noise, two servos at once
@@ -30,7 +31,7 @@ A loop that asks again after a BusError never swallows a stop: neither Stopped n
 An alarm (overheating, low voltage ...) is not in this tree: it is data, and stands beside the values.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -81,6 +82,18 @@ class PortError(ServobusError, OSError):
 
 class PortLost(PortError):
     """The port was open and went away: unplugged, hung up, or it takes no more bytes. `reopen` may find it again."""
+
+
+class NotRestored(ServobusError):
+    """A backup was restored but for some settings, each of which is named with the reason.
+
+    restored  names of the settings that were written
+    failed    setting -> why it could not be written
+    """
+
+    def __init__(self, message: str, restored: Sequence[str], failed: Mapping[str, str]) -> None:
+        super().__init__(message)
+        self.restored, self.failed = list(restored), dict(failed)
 
 
 class BusError(ServobusError):

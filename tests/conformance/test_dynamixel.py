@@ -14,7 +14,6 @@ import pytest
 
 from conformance.wire import Reply, Wire
 from servobus.core.units import deg, rpm
-from servobus.families.dynamixel.control import EMANUAL_LEVELS
 from servobus.families.dynamixel.firmware import Dynamixel1Servo
 from servobus.families.registry import RX28
 from servobus.virtual.device.servo import VirtualServo, virtual_servo
@@ -38,7 +37,7 @@ def wire() -> Wire:
 
 
 def servo(id: int = 1, *, position: float = 150 * deg, voltage: float = 14.4) -> VirtualServo:
-    return virtual_servo(RX28, id, position=position, voltage=voltage)
+    return virtual_servo(RX28, id, position=position, voltage=voltage, reading="manual")
 
 
 def framed(text: str) -> bytes:
@@ -142,7 +141,7 @@ def test_D_4_light_flickers_once_at_power_on(wire: Wire) -> None:
 
 
 def test_D_5_factory_values(wire: Wire) -> None:
-    new = Wire(virtual_servo(RX28))
+    new = Wire(virtual_servo(RX28, reading="manual"))
     assert ask(new, "01 02 00 18") == "01 00 " + FACTORY[: 24 * 3 - 1]
 
 
@@ -557,7 +556,7 @@ def test_D_58_goal_and_torque(wire: Wire) -> None:
 
 def test_a_goal_that_switches_the_torque_on(wire: Wire) -> None:
     assert isinstance(wire.servo, Dynamixel1Servo)
-    wire.servo.goal_enables_torque = True
+    wire.servo.goal_torque = True
     write(wire, 30, 0, 2)
     wire.wait(1)
     assert (read(wire, 24), read(wire, 36, 2)) == (1, 0)
@@ -682,7 +681,7 @@ def test_D_64_torque_over_position(wire: Wire) -> None:
 
 def test_sides_of_the_other_edition(wire: Wire) -> None:
     assert isinstance(wire.servo, Dynamixel1Servo)
-    wire.servo.sides_swapped = True  # ED-17
+    wire.servo.compliance_sides = "swapped"  # ED-17
     ask(wire, "01 03 1A 03 07 10 20")
     assert [load_at(wire, unit, 512) > 0 for unit in (504, 505, 515, 516)] == [True, False, False, True]
 
@@ -737,7 +736,7 @@ def test_D_66_slope_reads_as_written_and_acts_as_its_level(wire: Wire, low: int,
 
 def test_slopes_of_the_online_manual(wire: Wire) -> None:
     assert isinstance(wire.servo, Dynamixel1Servo)
-    wire.servo.slope_levels = EMANUAL_LEVELS  # ED-13
+    wire.servo.slope_levels = "online"  # ED-13
     for slope, level in ((4, 4), (15, 8), (16, 16), (33, 32), (127, 64), (254, 128)):
         ask(wire, f"01 03 1C {slope:02X} {slope:02X}")
         assert load_at(wire, 509, 512) == round(32 + (1023 - 32) * 3 / level)

@@ -44,7 +44,7 @@ MOVING, INPOSITION, TORQUE_ON = 0x01, 0x02, 0x40
 
 
 def servo(id: int = 0xFD, *, position: float = 0.0, voltage: float = 14.8) -> VirtualServo:
-    return virtual_servo(DRS0602, id, position=position * deg, voltage=voltage)
+    return virtual_servo(DRS0602, id, position=position * deg, voltage=voltage, reading="manual")
 
 
 @pytest.fixture
@@ -259,7 +259,7 @@ def test_H_4_turns_are_forgotten(turned: int, recognised: int) -> None:
 
 
 def test_H_5_factory_settings() -> None:
-    wire = Wire(virtual_servo(DRS0602))
+    wire = Wire(virtual_servo(DRS0602, reading="manual"))
     assert wire.baud == pytest.approx(115200, rel=0.03)
     #                                                baud  - id policy LED torque
     assert ask(wire, "DB 02 04 06") == "DB 42 04 06 10 00 DB 01 5F 15 00 00"
@@ -641,7 +641,7 @@ def test_H_43_model_and_version(wire: Wire) -> None:
 
 
 def test_H_44_voltage_and_temperature() -> None:
-    wire = Wire(virtual_servo(DRS0602, 0xFD, voltage=12.34, temperature=41.0))
+    wire = Wire(virtual_servo(DRS0602, 0xFD, voltage=12.34, temperature=41.0, reading="manual"))
     assert [read(wire, 54), read(wire, 55)] == [123, 41]
 
 

@@ -51,7 +51,7 @@ def command(number: int, parameters: str = "", id: int = 1) -> str:
 
 
 def servo(id: int | None = 1, **surroundings: Any) -> VirtualServo:
-    return virtual_servo(LX16A, id, **surroundings)
+    return virtual_servo(LX16A, id, reading="manual", **surroundings)
 
 
 def limp(**surroundings: Any) -> Wire:
@@ -1125,7 +1125,7 @@ def test_L_78_the_mask_is_7_and_saved() -> None:
 def test_EL_04_a_servo_can_be_silent_on_command_8() -> None:
     wire = limp()
     assert isinstance(wire.servo, LewansoulServo)
-    wire.servo.answers_wait_read = False
+    wire.servo.wait_read = "silent"
     assert ask(wire, "01 03 08") == ""
     assert ask(wire, "01 03 02") != ""
 
@@ -1133,7 +1133,7 @@ def test_EL_04_a_servo_can_be_silent_on_command_8() -> None:
 def test_EL_08_a_move_can_switch_the_torque_on() -> None:
     wire = limp()
     assert isinstance(wire.servo, LewansoulServo)
-    wire.servo.move_loads = True
+    wire.servo.goal_torque = True
     tell(wire, "01 07 07 E8 03 00 00")
     assert not holds(wire)
     tell(wire, "01 03 0B")

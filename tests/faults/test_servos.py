@@ -152,7 +152,7 @@ def test_F15_a_cut_chain_loses_only_what_is_behind_the_cut(key: str, driver: str
 @every_model
 def test_F15_one_servo_unplugged_and_plugged_again(key: str, driver: str) -> None:
     """One servo of five is off for 40 requests: it alone is silent, and answers again when it is back."""
-    rig = FaultRig(key, driver, ids="1-5")
+    rig = FaultRig(key, driver, ids="1-5", options="&boot_time=off")
     rig.inject("unplug@2#20-60")
     silent = [id for _ in range(20) for id in range(1, 6) if rig.try_position(id) == "NoReply"]
     assert set(silent) == {2}

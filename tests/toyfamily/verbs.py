@@ -34,6 +34,7 @@ class Toy(Family):
     name = "toy"
     title = "Toy protocol"
     framing = FRAMING
+    one_table = True
     needs = ("speed",)
 
     def ping(self, id: int) -> Exchange[None]:

@@ -103,10 +103,7 @@ class AsyncBusServo(Awaiting, Servo):
 
     @asynccontextmanager
     async def torque(self) -> AsyncIterator["AsyncBusServo"]:
-        """Torque on inside the `async with`, off again on the way out.
-
-        After an error the safe action instead, if one was chosen.
-        """
+        """Torque on inside the `async with`, off again on the way out, unless it was on before; see `Bus.torque`."""
         async with self._bus.torque([self]):
             yield self
 
@@ -233,23 +230,21 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
     async def torque(
         self, servos: Iterable[AsyncBusServo | int] | AsyncBusServo | int | None = None
     ) -> AsyncIterator["AsyncBus"]:
-        """Torque on for these servos (all known ones by default), off again on the way out.
-
-        After an error those for which a safe action was chosen are made safe instead.
-        """
+        """Torque on for these servos (all known ones by default), off again on the way out; see `Bus.torque`."""
         driven = self._chosen(servos)
+        taken: list[AsyncBusServo] = []
         try:
-            await self.torque_on(driven)
+            await self._take_hold(driven, taken)
             yield self
         except BaseException as error:
             with self.safety.letting_go(error):
-                await _to_its_end(asyncio.ensure_future(self._let_go(driven, error)))
+                await _to_its_end(asyncio.ensure_future(self._let_go(driven, taken, error)))
             raise
-        await self.torque_off(driven)
+        await self.torque_off(taken)
 
-    async def _let_go(self, servos: list[AsyncBusServo], error: BaseException) -> None:
-        """Make those servos safe whose safe action was chosen, and switch the torque of the others off."""
-        await self.torque_off(await self._beside_the_loop(partial(self.safety.secure, servos, error)))
+    async def _let_go(self, servos: list[AsyncBusServo], taken: list[AsyncBusServo], error: BaseException) -> None:
+        """Make those servos safe whose safe action was chosen, and let go of the others."""
+        await self._leave(await self._beside_the_loop(partial(self.safety.secure, servos, error)), taken)
 
     def _bind(self, target: KnownServo, firmware: str) -> AsyncBusServo:
         return AsyncBusServo(self, target, firmware)

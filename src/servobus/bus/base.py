@@ -24,7 +24,7 @@ from servobus.families import registry
 from servobus.families.base import Answers, Family, KnownServo, Model, StopOutcome
 from servobus.families.record import SafeAction
 from servobus.jobs.look import verify
-from servobus.jobs.make_safe import stop_all
+from servobus.jobs.make_safe import stop, stop_all
 from servobus.jobs.move import PlannedMove, plan, require_torque, start_move, wait_arrival
 from servobus.jobs.scan import (
     FoundServo,
@@ -350,6 +350,42 @@ class BaseBus(Closed, Generic[S]):
             yield SetBaud(servo.baud)
             servo.permit.mark_moving()
             yield from servo.family.torque(servo.target, on=True)
+
+    @bus_method
+    @urgent(Priority.MOTION)
+    def _take_hold(self, servos: Sequence[S], taken: list[S]) -> Procedure[None]:
+        """Switch the torque of these servos on, as `torque_on`; those that had it off are put into `taken`."""
+        for servo in servos:
+            yield SetBaud(servo.baud)
+            on = False
+            if servo.target.answers is not Answers.NOTHING:
+                on = (yield from servo.family.motion_status(servo.target)).torque
+            servo.permit.mark_moving()
+            if not on:
+                taken.append(servo)
+            yield from servo.family.torque(servo.target, on=True)
+
+    @bus_method
+    @urgent(Priority.MOTION)
+    def _leave(self, servos: Sequence[S], taken: Sequence[S]) -> Procedure[None]:
+        """Switch the torque of those that were taken off, and stop the others that are driven, each though others fail.
+
+        Raises StopFailed.
+        """
+        failures: dict[S, Exception] = {}
+        for servo in servos:
+            yield SetBaud(servo.baud)
+            try:
+                if servo in taken:
+                    yield from servo.family.let_go(servo.target)
+                    servo.permit.mark_idle()
+                elif servo.permit.driven:
+                    yield from stop(servo.target)
+            except BusError as error:
+                failures[servo] = error
+        if failures:
+            said = "; ".join(f"{servo.target} may still move: {why}" for servo, why in failures.items())
+            raise StopFailed(said, failures, {})
 
     @bus_method
     @urgent(Priority.MOTION)

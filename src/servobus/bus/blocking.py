@@ -77,9 +77,9 @@ class BusServo(Blocking, Servo):
 
     @contextmanager
     def torque(self) -> Iterator["BusServo"]:
-        """Torque on inside the `with`, off again on the way out.
+        """Torque on inside the `with`, off again on the way out, unless it was on before.
 
-        After an error the safe action instead, if one was chosen.
+        After an error the safe action instead, if one was chosen; see `Bus.torque`.
         """
         with self._bus.torque([self]):
             yield self
@@ -192,17 +192,19 @@ class Bus(Blocking, BaseBus[BusServo]):
     def torque(self, servos: Iterable[BusServo | int] | BusServo | int | None = None) -> Iterator["Bus"]:
         """Torque on for these servos (all known ones by default) inside the `with`, off again on the way out.
 
-        After an error those for which a safe action was chosen are made safe instead.
+        One whose torque was on before keeps it, so that such blocks can stand inside each other. After an error those
+        for which a safe action was chosen are made safe instead; one that keeps its torque is stopped.
         """
         driven = self._chosen(servos)
+        taken: list[BusServo] = []
         try:
-            self.torque_on(driven)
+            self._take_hold(driven, taken)
             yield self
         except BaseException as error:
             with self.safety.letting_go(error):
-                self.torque_off(self.safety.secure(driven, error))
+                self._leave(self.safety.secure(driven, error), taken)
             raise
-        self.torque_off(driven)
+        self.torque_off(taken)
 
     def _bind(self, target: KnownServo, firmware: str) -> BusServo:
         return BusServo(self, target, firmware)

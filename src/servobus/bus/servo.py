@@ -17,7 +17,7 @@ from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register
 from servobus.core.units import Flags, finite, said
 from servobus.core.values import replace
-from servobus.errors import BadValue, BusError, Restarted, UsageError
+from servobus.errors import BadValue, BusError, NotRestored, Restarted, UsageError
 from servobus.families.base import (
     Answers,
     Family,
@@ -368,18 +368,23 @@ class Servo(Closed):
         return backup(self.target, self.firmware, self.baud)
 
     @bus_method
-    def restore(self, saved: Backup) -> Procedure[list[str]]:
+    def restore(self, saved: Backup, *, torque_off: bool = False) -> Procedure[list[str]]:
         """Write the settings of a backup that differ; gives their names. Id and speed stay as they are.
 
-        Raises UsageError for a backup of another model, before anything is written. Which requests the servo answers
-        is set last.
+        It moves nothing: settings can move a servo that holds (limits, offset, gains), so the torque must be off, or
+        `torque_off` switches it off first. The angles that are read may change with an offset; the shaft stays.
+
+        Raises UsageError for a backup of another model, or if the torque is on, before anything is written; and
+        NotRestored, when all the rest is written, with the settings that the servo cannot have or did not take. Which
+        requests the servo answers is set last.
         """
         given: object = saved
         if not isinstance(given, Backup):
             raise UsageError(f"restore() takes a Backup, as Backup.parse(text) gives, not {given!r:.60}")
         policy = policy_register(self.model)
-        wanted = {} if policy is None or policy.name not in saved.values else {policy: saved.values[policy.name]}
-        return (yield from self._under_new_policy(wanted, restore(self.target, saved)))
+        level = None if policy is None else saved.values.get(policy.name)
+        wanted = {policy: level} if policy is not None and level is not None and policy.accepts(level) else {}
+        return (yield from self._under_new_policy(wanted, restore(self.target, saved, torque_off=torque_off)))
 
     # Printing
 
@@ -494,7 +499,7 @@ class Servo(Closed):
             return (yield from job)
         try:
             result = yield from job
-        except BusError:
+        except (BusError, NotRestored):
             # Nothing tells whether the policy was written before the failure: ask, and if that fails too, stay.
             with suppress(BusError):
                 yield from self._meet_again(self.id)

@@ -1,15 +1,16 @@
 """`backup` and `restore`: the settings of a servo as a file."""
 
+import shlex
 from pathlib import Path
 
 import click
 
-from servobus import Bus, BusServo, ServobusError
+from servobus import BusServo, ServobusError
 from servobus.cli.options import Ids, Where, are_several, find, for_each, on_servo, on_servos_with, open_port, verb
 from servobus.cli.output import note
 from servobus.core.present import value_text
-from servobus.errors import UsageError
-from servobus.jobs.backup import Backup, identity_names
+from servobus.errors import BusError, PortError, UsageError
+from servobus.jobs.backup import Backup, Comparison, compare, settings
 
 
 @verb(
@@ -55,22 +56,42 @@ def backup(port: str, ids: Ids, where: Where, files: tuple[str, ...], output: st
 @verb("restore", "servobus restore /dev/ttyUSB0 1 elbow.toml", "servobus restore /dev/ttyUSB0 1 elbow.toml --yes")
 @on_servo
 @click.argument("file")
-@click.option("--yes", is_flag=True, help="Do not ask.")
-def restore(port: str, id: int, where: Where, file: str, yes: bool) -> None:
+@click.option("--torque-off", is_flag=True, help="Switch the torque off first, if it is on.")
+@click.option("--yes", is_flag=True, help="Do not ask, not even about a backup of another id.")
+def restore(port: str, id: int, where: Where, file: str, torque_off: bool, yes: bool) -> None:
     """Write the settings in FILE to the servo ID on PORT, after showing what would change.
 
-    Id and speed stay as they are, so that a backup can go into a replacement.
+    It moves nothing: a servo with its torque on is refused, or goes limp first with --torque-off. Id and speed stay as
+    they are, so that a backup can go into a replacement. What the servo cannot have or does not take is named at the
+    end, when all the rest is written.
     """
     saved = read_backup(Path(file))
     with open_port(port) as bus:
         servo = find(bus, where, id)
-        changes = show_changes(bus, servo, saved)
-        if not changes:
+        found = bus.do(compare(servo.target, saved), baud=servo.baud)
+        show_changes(servo, saved, found)
+        count = len(found.changes)
+        if not count and not found.impossible:
             click.echo(f"{servo.target} has these settings already")
             return
-        if not yes and not click.confirm(f"write {'it' if changes == 1 else f'these {changes}'}?"):
+        if count and found.driven and not torque_off:
+            off = f"servobus torque {shlex.quote(port)} {id} off"
+            raise UsageError(
+                f"{servo.target}: its torque is on, and settings can move it: switch it off first (`{off}`), or say "
+                "--torque-off; nothing was changed"
+            )
+        other = f"; the backup is of id {saved.id}, this is id {servo.id}" if saved.id != servo.id else ""
+        asked = f"write {'it' if count == 1 else f'these {count}'} to {servo.target}{other}?"
+        if count and not yes and not click.confirm(asked):
             raise ServobusError("nothing was changed")
-        names = servo.restore(saved)
+        try:
+            names = servo.restore(saved, torque_off=torque_off)
+        except (BusError, PortError):
+            note("what was not written yet is written when this command is given again")
+            raise
+        finally:
+            if count and (found.driven or found.returns):
+                note(f"torque switched off: id {servo.id}")
         click.echo(f"{servo.target}: restored {', '.join(names)}")
 
 
@@ -89,22 +110,21 @@ def read_backup(path: Path) -> Backup:
         return Backup.parse(path.read_text(encoding="utf-8"))
     except UsageError as error:
         raise UsageError(f"{path}: {error}") from None
-    except UnicodeDecodeError:
-        raise UsageError(f"{path}: this is not a backup file: it is no text") from None
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise UsageError(f"{path}: this is not a backup file, or it is damaged: line {line} is no text") from None
 
 
-def show_changes(bus: Bus, servo: BusServo, saved: Backup) -> int:
-    """Print what restoring would change; give the number of settings. Raises UsageError for another model."""
-    if saved.model is not servo.model:
-        raise UsageError(f"the backup is of a {saved.model.title}, {servo.target} is another model")
-    skip = identity_names(saved.model)
-    rows = [saved.model.registers[name] for name in saved.values if name not in skip]
-    present = bus.do(servo.family.read_stored(servo.target, rows), baud=servo.baud)
-    count = 0
-    for row, raw in zip(rows, present, strict=True):
-        if raw != saved.values[row.name]:
-            click.echo(f"  {row.name}: {value_text(row, raw)} -> {value_text(row, saved.values[row.name])}")
-            count += 1
+def show_changes(servo: BusServo, saved: Backup, found: Comparison) -> None:
+    """Print what restoring would change."""
+    for row, raw in found.changes.items():
+        click.echo(f"  {row.name}: {value_text(row, found.present[row])} -> {value_text(row, raw)}")
+    for row, why in found.impossible.items():
+        wanted = value_text(row, saved.values[row.name])
+        note(f"  {row.name}: {value_text(row, found.present[row])} stays, {wanted} cannot be written: {why}")
+    if (shift := servo.model.optional("calibration")) in found.changes:
+        note(f"{shift.name}: the angles that are read change with it, the shaft stays where it is")
     if saved.id != servo.id:
         note(f"the backup is of id {saved.id}; the id stays {servo.id}")
-    return count
+    if lacking := [row.name for row in settings(servo.model) if row.name not in saved.values]:
+        note(f"the backup lacks {', '.join(lacking)}: what the servo has there stays")

@@ -1,22 +1,23 @@
 """`decode`: explain bytes, packet by packet."""
 
-import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 
 from servobus import FAMILIES
 from servobus.cli.options import FamilyOption, as_json, verb
-from servobus.cli.output import note, print_json
+from servobus.cli.output import compact, note, print_json
 from servobus.cli.packets import print_events, print_summary
-from servobus.core.framing import Corrupt, Packet
 from servobus.errors import UsageError
 from servobus.families import registry
 from servobus.families.base import Family, Model
-from servobus.families.present import packet_entries
-from servobus.traffic.present import BYTES_PER_LINE
-from servobus.traffic.recording import is_recording, parse
+from servobus.traffic import pasted
+from servobus.traffic.pasted import Pasted
+from servobus.traffic.present import BYTES_PER_LINE, packet_entries
+from servobus.traffic.recording import Chunk, Direction, is_recording, parse
+from servobus.traffic.streams import good_bytes
 from servobus.traffic.tracker import Tracker
 
 INDENT = " " * 8
@@ -26,36 +27,72 @@ INDENT = " " * 8
     "decode",
     "servobus decode FF FF 01 04 02 24 02 D2",
     "servobus decode 55550103 1CDF 0x55 0x55",
+    "servobus decode '{255, 255, 1, 2, 1, 251}'",
     "servobus decode --family herkulex sniffed.txt",
-    "servobus decode --model rx28 sniffed.txt",
+    "servobus decode --model rx28 saleae.csv",
     "servobus decode arm.rec",
     "cat /tmp/capture.bin | servobus decode -",
 )
-@click.argument("source", metavar="HEX...|FILE|-", nargs=-1, required=True)
-@click.option("--family", cls=FamilyOption, metavar="FAMILY", help="{families}; else what fits best.")
-@click.option("--model", metavar="MODEL", help="Whose registers; else those of the family's first model.")
+@click.argument("source", metavar="BYTES...|FILE|-", nargs=-1, required=True)
+@click.option("--family", cls=FamilyOption, metavar="FAMILY", help="{families}; else all of them are looked for.")
+@click.option("--model", metavar="MODEL", help="Whose registers; else those of the model that a servo reports.")
 @as_json
 def decode(source: tuple[str, ...], family: str | None, model: str | None, json: bool) -> None:
     """Explain bytes packet by packet, with what is broken or junk between them.
 
-    Bytes are hex digits, with or without spaces and 0x, or a file of hex digits or of the bytes themselves. A
-    file that `servobus sniff --save` wrote is shown as it was live; with --json one object a line.
+    Bytes are taken as people have them: hex and decimal dumps, arrays and strings of programs, logs with times and
+    labels, exports of Saleae Logic and sigrok, or a file of the bytes themselves. How they were read is said first;
+    what cannot be read is refused. A file that `servobus sniff --save` wrote, and what has times or both directions,
+    is shown as it was live; with --json one object a line.
     """
-    data, name = _bytes(source)
-    if is_recording(data):
-        replay(data, name, family, model, json=json)
+    content, name = _content(source)
+    if is_recording(content):
+        replay(content, name, family, model, json=json)
         return
-    table = _model(data, family, model)
-    entries = packet_entries(table, data)
+    known, table = find_family_and_model(family, model)
+    given = _read(content, name, source)
+    if given.timed or given.directed:
+        _follow(given, Tracker(known, table), json=json)
+        return
+    entries = packet_entries(given.data, known, table)
     if json:
-        print_json(entries)
+        print_json([{**entry, "read_as": given.said()} for entry in entries])
         return
-    click.echo(f"{table.family.title}, registers of {table.title}, {len(data)} bytes")
+    click.echo(click.wrap_text(given.said(), 80))
+    for line in _whose([entry["family"] for entry in entries], table):
+        click.echo(click.wrap_text(line, 80))
     for entry in entries:
-        raw = bytes.fromhex(entry["hex"])
-        for at in range(0, len(raw), BYTES_PER_LINE):
-            click.echo(f"{entry['offset'] + at:6d}  {raw[at : at + BYTES_PER_LINE].hex(' ').upper()}")
-        click.echo(click.wrap_text(entry["text"], 80, INDENT, INDENT))
+        _print_packet(entry)
+
+
+def _print_packet(entry: dict[str, Any]) -> None:
+    raw = bytes.fromhex(entry["hex"])
+    for at in range(0, len(raw), BYTES_PER_LINE):
+        click.echo(f"{entry['offset'] + at:6d}  {raw[at : at + BYTES_PER_LINE].hex(' ').upper()}")
+    click.echo(click.wrap_text(entry["text"], 80, INDENT, INDENT))
+
+
+def _whose(names: list[str | None], model: type[Model] | None) -> list[str]:
+    """Say whose packets these are, and where units come from."""
+    lines = []
+    for name in dict.fromkeys(name for name in names if name is not None):
+        family = FAMILIES[name]
+        if model is not None and model.family.name == name:
+            lines.append(f"{family.title}, registers of {model.title}")
+        elif family.one_table:
+            lines.append(f"{family.title}, registers of {registry.first_model(family).title}, the same in all models")
+        else:
+            lines.append(f"{family.title}; values are bytes at addresses until the model is known, or named by --model")
+    return lines
+
+
+def _follow(given: Pasted, tracker: Tracker, *, json: bool) -> None:
+    """Show bytes whose times or directions are known as they were on the line."""
+    click.echo(compact({"kind": "read", "text": given.said()}) if json else click.wrap_text(given.said(), 80))
+    for chunk in given.chunks:
+        print_events(tracker.feed(chunk), json=json, timed=given.timed)
+    print_events(tracker.finish(), json=json, timed=given.timed)
+    print_summary(tracker, json=json, timed=given.timed)
 
 
 def replay(content: bytes, name: str, family: str | None, model: str | None, *, json: bool) -> None:
@@ -90,54 +127,40 @@ def find_family_and_model(family: str | None, model: str | None) -> tuple[Family
     return table.family, table
 
 
-def _model(data: bytes, family: str | None, model: str | None) -> type[Model]:
-    """Find whose packets and registers these are, from what is said of them or from the bytes."""
-    known, table = find_family_and_model(family, model)
-    return table or registry.first_model(known or likely_family(data))
-
-
-def likely_family(data: bytes) -> Family:
-    """Choose the family whose framing finds most packets in the bytes."""
-
-    def score(family: Family) -> tuple[int, int]:
-        events = family.framing.decode(data)
-        packets = [event for event in events if isinstance(event, Packet)]
-        return len(packets), sum(isinstance(event, Corrupt) for event in events)
-
-    return max(FAMILIES.values(), key=score)
-
-
-def _bytes(source: tuple[str, ...]) -> tuple[bytes, str]:
-    """Give the bytes that are meant, and where they come from."""
+def _content(source: tuple[str, ...]) -> tuple[bytes, str]:
+    """Give what is meant, and where it comes from; no name for what was typed."""
     if source == ("-",):
-        return _content(sys.stdin.buffer.read(), "standard input"), "standard input"
-    typed = _hex(" ".join(source))
-    if typed is not None:
-        return typed, ""
-    if len(source) > 1:
-        raise UsageError(f"{' '.join(source)!r} is no row of hex bytes")
-    if not source[0] or not Path(source[0]).exists():
-        raise UsageError(f"{source[0]!r} is neither a row of hex bytes nor a file")
-    return _content(Path(source[0]).read_bytes(), source[0]), source[0]
-
-
-def _content(content: bytes, name: str) -> bytes:
-    """Read a file: hex text if it is nothing but that, else the bytes themselves."""
+        content, name = sys.stdin.buffer.read(), "standard input"
+    elif len(source) == 1 and source[0] and Path(source[0]).exists():
+        content, name = Path(source[0]).read_bytes(), source[0]
+    else:
+        return "\n".join(source).encode(errors="surrogateescape"), ""
     if not content.strip():
         raise UsageError(f"{name} is empty")
+    return content, name
+
+
+def _read(content: bytes, name: str, source: tuple[str, ...]) -> Pasted:
+    """Read a text that gives bytes, or take the bytes themselves."""
+    text = _text(content)
+    if text is None:
+        return Pasted((Chunk(0.0, Direction.UNKNOWN, content),), "the bytes themselves")
     try:
-        text = content.decode("ascii")
+        return pasted.read(text if name else " ".join(source), lambda data: good_bytes(data, tuple(FAMILIES.values())))
+    except UsageError as error:
+        said = name or repr(" ".join(source))
+        if not name and len(source) == 1:
+            raise UsageError(f"{said} is neither a row of bytes nor a file: {error}") from None
+        raise UsageError(f"{said}: {error}" if name else f"{said} is no row of bytes: {error}") from None
+
+
+def _text(content: bytes) -> str | None:
+    """Give the text that a file is; None for bytes that are none."""
+    code = "utf-16" if content[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    try:
+        text = content.decode(code)
     except UnicodeDecodeError:
-        return content
-    typed = _hex(text)
-    return content if typed is None else typed
-
-
-def _hex(text: str) -> bytes | None:
-    """Read hex bytes, or give None if that is none."""
-    words = re.split(r"[\s,;:]+", text.strip())
-    digits = "".join(re.sub(r"^(0x|\\x)", "", word, flags=re.IGNORECASE) for word in words)
-    digits = digits.replace("\\x", "")
-    if len(digits) % 2 or not digits or not re.fullmatch(r"[0-9a-fA-F]+", digits):
         return None
-    return bytes.fromhex(digits)
+    if not all(letter.isprintable() or letter in "\t\r\n\f" for letter in text):
+        return None
+    return text.replace("\r\n", "\n").replace("\r", "\n")

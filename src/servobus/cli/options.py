@@ -13,6 +13,7 @@ import click
 import servobus
 from servobus import Bus, BusServo
 from servobus.cli.app import Verb
+from servobus.cli.output import note
 from servobus.core.arguments import check_baud
 from servobus.core.ids import LAST_ID, check_id, parse_ids
 from servobus.core.units import parse
@@ -153,6 +154,12 @@ def split_assignment(text: str, kind: str) -> tuple[str, str]:
     if not (name.strip() and equals and value.strip()):
         raise click.UsageError(f"{text!r} is not {kind}")
     return name.strip(), value.strip()
+
+
+def check_above_0(option: str, value: float | None) -> None:
+    """Refuse a number that is not above 0. Raises BadParameter."""
+    if value is not None and value <= 0:
+        raise click.BadParameter(f"{value:g} is not above 0", param_hint=option)
 
 
 # Where to look
@@ -379,6 +386,17 @@ def find_all(bus: Bus, where: Where, ids: Ids, *, shared: bool = False) -> list[
     return outcome.servos
 
 
+def found(bus: Bus, where: Where, ids: Ids) -> list[BusServo]:
+    """Find the servos that are there, and note which are not. Raises ServobusError if none is."""
+    outcome = search(bus, where, ids)
+    errors = list(outcome.missing.values())
+    if not outcome.servos:
+        raise errors[0]
+    for error in errors:
+        note(f"servobus: {error}")
+    return outcome.servos
+
+
 def for_each(bus: Bus, where: Where, ids: Ids, action: Callable[[BusServo], None]) -> None:
     """Do something with each servo that is meant and there; what went wrong with the others is raised at the end."""
     outcome = search(bus, where, ids)
@@ -392,6 +410,17 @@ def for_each(bus: Bus, where: Where, ids: Ids, action: Callable[[BusServo], None
         raise ServobusError("; ".join(map(str, failures)))
     for failure in failures:
         raise failure
+
+
+@contextlib.contextmanager
+def unless_nobody_answers(otherwise: str) -> Iterator[None]:
+    """Say which option answers a question in place of a person, where no person is there to answer."""
+    try:
+        yield
+    except click.Abort as abort:
+        if isinstance(abort.__context__, EOFError):
+            raise UsageError(f"nobody is there to answer, and nothing was changed: {otherwise}") from abort
+        raise
 
 
 @contextlib.contextmanager

@@ -2,18 +2,22 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Any
 
 import click
 
 from servobus import Bus, BusServo
 from servobus.cli.options import (
+    SECONDS,
     Ids,
     Where,
     are_several,
     as_json,
+    check_above_0,
     find_all,
     for_each,
+    found,
     on_servos_with,
     open_port,
     split_assignment,
@@ -34,15 +38,40 @@ WHO = 15
     "servobus read /dev/ttyUSB0 1 present_position",
     "servobus read /dev/ttyUSB0 1-4,7 present_voltage present_temperature --json",
     "servobus read /dev/ttyUSB0 all present_position",
+    "servobus read /dev/ttyUSB0 1-4 present_position present_temperature --watch",
+    "servobus read /dev/ttyUSB0 1 present_load --watch --interval 0.02 --csv a.csv",
 )
 @on_servos_with("names", "REGISTER...")
+@click.option("--watch", is_flag=True, help="Read again and again, until Ctrl-C.")
+@click.option("--interval", type=SECONDS, metavar="S", help="With --watch: seconds from reading to reading; else 0.2.")
+@click.option("--seconds", type=SECONDS, metavar="S", help="With --watch: end after so long.")
+@click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="With --watch: keep all values in FILE.")
 @as_json
-def read(port: str, ids: Ids, where: Where, names: tuple[str, ...], json: bool) -> None:
+def read(
+    port: str,
+    ids: Ids,
+    where: Where,
+    names: tuple[str, ...],
+    watch: bool,
+    interval: float | None,
+    seconds: float | None,
+    csv: Path | None,
+    json: bool,
+) -> None:
     """Read registers of the servos ID... on PORT: of 1, of 1-4,7, of several words, or of `all`.
 
     `servobus registers MODEL` lists their names; names like present_position work on every model. --json gives a
     list if several servos are named, or `all`.
+
+    --watch shows values live: in a table on a terminal, else a line (--json: an object) for each servo each time. A
+    servo that does not answer is shown so, and comes back. Nothing moves.
     """
+    if watch:
+        _watch(port, ids, where, names, interval, seconds, csv, json=json)
+        return
+    for option, value in (("--interval", interval), ("--seconds", seconds), ("--csv", csv)):
+        if value is not None:
+            raise click.UsageError(f"{option} goes with --watch")
     several = are_several(ids)
 
     def read_one(servo: BusServo) -> None:
@@ -60,6 +89,28 @@ def read(port: str, ids: Ids, where: Where, names: tuple[str, ...], json: bool) 
             return
         with json_entries(several=several) as entries:
             for_each(bus, where, ids, read_one)
+
+
+def _watch(
+    port: str,
+    ids: Ids,
+    where: Where,
+    names: tuple[str, ...],
+    interval: float | None,
+    seconds: float | None,
+    csv: Path | None,
+    *,
+    json: bool,
+) -> None:
+    from servobus.cli.samples import Sampler  # noqa: PLC0415 - a single reading needs neither
+    from servobus.cli.watch import watch  # noqa: PLC0415
+
+    for option, value in (("--interval", interval), ("--seconds", seconds)):
+        check_above_0(option, value)
+    with open_port(port) as bus:
+        servos = found(bus, where, ids)
+        sampler = Sampler(bus, servos, names, 0.2 if interval is None else interval)
+        watch(sampler, seconds=seconds, csv=csv, json=json)
 
 
 def _values(servo: BusServo, names: Sequence[str]) -> dict[str, tuple[Register[Any], int]]:

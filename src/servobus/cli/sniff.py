@@ -62,8 +62,8 @@ News: TypeAlias = Entry | float | Exception | None
 )
 @click.option("--once", is_flag=True, help="With --app: end when the application closes its port.")
 @click.option("--save", metavar="FILE", help="Write a recording, which `servobus decode FILE` shows again.")
-@click.option("--family", cls=FamilyOption, metavar="FAMILY", help="{families}; else found out piece by piece.")
-@click.option("--model", metavar="MODEL", help="Whose registers; else those of the family's first model.")
+@click.option("--family", cls=FamilyOption, metavar="FAMILY", help="{families}; else all of them are looked for.")
+@click.option("--model", metavar="MODEL", help="Whose registers; else those of the model that a servo reports.")
 @as_json
 def sniff(
     port: str,
@@ -89,6 +89,8 @@ def sniff(
         raise UsageError("--app needs a pseudo terminal, and Windows has none; listen with a second adapter instead")
     if not port.strip():
         raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
+    if app is None and port.startswith("virtual:"):
+        raise UsageError(f"{port} has nobody that talks; --app gives an application a way to it")
     known_family, known_model = find_family_and_model(family, model)
     speed = baud or _factory_baud(known_family, known_model)
     head = Header(

@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import servobus
-from servobus import MODELS, BusServo, UsageError, deg
+from servobus import MODELS, Bus, BusServo, UsageError, deg
 from servobus.cli import plot
 from servobus.cli.options import (
     ANGLE,
     SECONDS,
     Where,
     as_json,
+    check_above_0,
     find,
     open_port,
     sigterm_as_interrupt,
     split_assignment,
+    unless_nobody_answers,
     verb,
     where_options,
 )
@@ -41,6 +43,10 @@ SAMPLE_PERIOD = 0.001
 """s between two samples of a virtual servo."""
 SETTLE_TIME = 0.5
 """s that a virtual servo is given to come to rest before the step."""
+LONGEST = 60.0
+"""s that can be looked on: all samples are kept."""
+STEP = 45 * deg
+"""rad that a step is long if nothing is said."""
 RETURN_SPEED = 60 * deg
 """rad/s at which a real servo goes back."""
 
@@ -53,7 +59,7 @@ RETURN_SPEED = 60 * deg
 )
 @click.argument("what", metavar="MODEL|PORT")
 @click.argument("id", required=False, type=int)
-@click.option("--to", "to", type=ANGLE, metavar="ANGLE", help="Goal; 45° on from where it is by default.")
+@click.option("--to", "to", type=ANGLE, metavar="ANGLE", help="Goal; 45° from where it is by default.")
 @click.option("--start", type=ANGLE, metavar="ANGLE", help="Where a virtual servo starts; the middle by default.")
 @click.option("--time", "time_", type=SECONDS, metavar="S", help="Time of the move; as fast as it goes by default.")
 @click.option("--seconds", type=SECONDS, default=2.0, metavar="S", help="How long to look on; 2 s by default.")
@@ -87,8 +93,9 @@ def step(
     one does, within limits that are asked for first; it then goes back slowly, and registers set by --set stay.
     Ctrl-C stops it where it is; its torque is then as it was before.
     """
-    if not 0 < seconds <= 60:
-        raise BadValue(f"--seconds {seconds:g} is not above 0 and up to 60")
+    if not 0 < seconds <= LONGEST:
+        raise click.BadParameter(f"{seconds:g} is not above 0 and up to {LONGEST:g}", param_hint="--seconds")
+    check_above_0("--time", time_)
     if picture is not None:
         plot.check(picture)
     if id is None:
@@ -131,14 +138,16 @@ def _virtual_response(
     query = "&".join(f"{key}={value}" for key, value in options.items() if value is not None)
     with servobus.open(f"virtual:{model.key()}@1?{query}") as bus:
         port: VirtualPort = bus.transport  # type: ignore[assignment] # a virtual: port is one
-        if start is not None:
-            port.servos[0].turn_shaft(start)
         servo = bus.find(1, family=model.family)
         _set(servo, settings)
+        bounds = _bounds(bus, servo)
+        if start is not None:
+            _check_start(servo, start, bounds)
+            port.servos[0].turn_shaft(start)
         servo.torque_on()
         port.sleep(SETTLE_TIME)
         here = servo.look().position
-        goal = here + 45 * deg if to is None else to
+        goal = _goal(here, bounds) if to is None else to
         begin = port.now()
         servo.start_move(goal, time=duration or SHORTEST)
         samples = [_sample(port.servos[0], port.now() - begin)]
@@ -146,6 +155,26 @@ def _virtual_response(
             port.sleep(SAMPLE_PERIOD)
             samples.append(_sample(port.servos[0], port.now() - begin))
     return Response(here, goal, tuple(samples), model.sheet.resolution), f"{model.title}, virtual"
+
+
+def _bounds(bus: Bus, servo: BusServo) -> tuple[float, float]:
+    """Give the lowest and the highest goal that a servo takes now, rad."""
+    row = servo.model.register("goal_position")
+    status = bus.do(servo.family.motion_status(servo.target), baud=servo.baud)
+    return row.decode(status.low), row.decode(status.high)
+
+
+def _check_start(servo: BusServo, start: float, bounds: tuple[float, float]) -> None:
+    """Refuse a start where no goal could be. Raises BadParameter."""
+    low, high = bounds
+    if not low <= start <= high:
+        where = f"{show(low, 'rad')} .. {show(high, 'rad')}, where {servo.model.title} takes goals"
+        raise click.BadParameter(f"{show(start, 'rad')} is not in {where}", param_hint="--start")
+
+
+def _goal(here: float, bounds: tuple[float, float]) -> float:
+    """Choose a goal where none is said: STEP on from here, or back where that is too far."""
+    return here + STEP if here + STEP <= bounds[1] else here - STEP
 
 
 def _sample(servo: "VirtualServo", moment: float) -> Sample:
@@ -173,8 +202,8 @@ def _real_response(
         servo = find(bus, where, id)
         state = servo.look()
         here = state.position
-        goal = here + 45 * deg if to is None else to
-        low, high = limits or _ask_limits(servo, here)
+        goal = _goal(here, _bounds(bus, servo)) if to is None else to
+        low, high = limits or _ask_limits(servo, here, goal)
         if not low <= min(here, goal) <= max(here, goal) <= high:
             way = f"{show(here, 'rad')} to {show(goal, 'rad')}"
             raise BadValue(f"{servo.target}: the way from {way} leaves {show(low, 'rad')} .. {show(high, 'rad')}")
@@ -190,11 +219,12 @@ def _real_response(
     return Response(here, goal, tuple(samples), row.scale.decode(1) - row.scale.decode(0)), f"{servo.target} on {port}"
 
 
-def _ask_limits(servo: BusServo, here: float) -> tuple[float, float]:
+def _ask_limits(servo: BusServo, here: float, goal: float) -> tuple[float, float]:
     """Ask how far the servo may go: a step is as fast as the servo can, and may hit something."""
-    note(f"{servo.target} is at {show(here, 'rad')} and will jump as fast as it can.")
-    low = click.prompt("lowest angle that is safe", type=ANGLE, err=True)
-    high = click.prompt("highest angle that is safe", type=ANGLE, err=True)
+    note(f"{servo.target} is at {show(here, 'rad')} and will jump to {show(goal, 'rad')} as fast as it can.")
+    with unless_nobody_answers("say --limits LOW HIGH, the lowest and the highest angle that are safe"):
+        low = click.prompt("lowest angle that is safe", type=ANGLE, err=True)
+        high = click.prompt("highest angle that is safe", type=ANGLE, err=True)
     return low, high
 
 

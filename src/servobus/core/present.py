@@ -24,6 +24,11 @@ def json_value(register: Register[Any], raw: int) -> Any:
         value = register.decode(raw)
     except ValueError:
         return raw if register.holds(raw) else None
+    return decoded_json(register, value)
+
+
+def decoded_json(register: Register[Any], value: Any) -> Any:
+    """Give a value that was read for JSON, in the unit people use."""
     scale = register.scale
     if isinstance(scale, Quantity):
         return shown(value, scale.unit)[0]

@@ -190,6 +190,10 @@ class Family(ABC):
     twice as long as any was seen to need."""
     needs: ClassVar[tuple[str, ...]] = ()
     """Names of the registers that the verbs of this family rely on, beside those that every model has."""
+    one_table: ClassVar[bool] = False
+    """Whether the registers of all its models are the same, so that values can be told without knowing the model."""
+    torque_returns: ClassVar[bool] = False
+    """Whether a torque that an alarm has switched off comes back by itself when that is over."""
     keepable: ClassVar[tuple[str, ...]] = ()
     """What `reset` can leave alone: some of "id", "baud" and "calibration"."""
 
@@ -515,6 +519,14 @@ class Family(ABC):
         `request` is the packet that came before it, unless that was an answer itself. `model` is whose table
         gives the registers their names and units; without it they stay bytes at an address.
         """
+
+    def concerns(self, packet: Packet) -> tuple[int, ...]:
+        """Give the ids of the servos whose registers a packet is about; the broadcast id where it lists none."""
+        return (packet.id,)
+
+    def told_number(self, packet: Packet, request: Packet) -> int | None:  # noqa: ARG002 - some families cannot be asked
+        """Give the model number that a packet brings as the answer to a request; None if it brings none."""
+        return None
 
     @abstractmethod
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:

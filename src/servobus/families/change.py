@@ -30,17 +30,14 @@ def check_pairs(model: type[Model], values: Mapping[Register[Any], int], who: st
 
 def said(row: Register[Any], raw: int) -> str:
     """Write a register with a value for people: "max_torque = 50.0 %"."""
-    try:
-        return f"{row.name} = {row.show(row.decode(raw))}"
-    except ValueError:
-        return f"{row.name} = raw {raw}"
+    return f"{row.name} = {row.said(raw)}"
 
 
 def value(row: Register[Any], raw: int) -> Any:
     """Give the value of a raw integer, or that integer where it has no meaning."""
     try:
         return row.decode(raw)
-    except ValueError:
+    except ServobusError:
         return raw
 
 

@@ -14,6 +14,7 @@ servos whose model is not known: `generic = True`. It has no data sheet. What ha
 `RAW` in it and can only be read.
 """
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from servobus.core.registers import Register, check_overlap, check_row
@@ -59,7 +60,7 @@ OPTIONAL = {
     answer_level   which requests it answers, as in `Answers`
     goal_speed     speed of the moves from now on, which a move by time sets
     output_limit   in RAM, bounds the output
-    calibration    what a factory reset can leave alone as "calibration"
+    calibration    shifts the angles that are read; a factory reset may leave it alone as "calibration"
 """
 
 _TOLD = ("family", "number", "sheet", "factory_baud", "bauds", "turn_scale")
@@ -161,6 +162,9 @@ class Model:
     """Whether it can brake: short its motor, so that the shaft turns only slowly."""
     firmware: ClassVar[str] = ""
     """The class of its virtual servo, a `VirtualServo`; "" for a model that cannot be simulated."""
+    practice: ClassVar[Mapping[str, Any]] = {}
+    """Options of its virtual servo that are otherwise, under the reading `practice`, than its firmware has them: name
+    -> value. What a parent says holds for a child too."""
     generic: ClassVar[bool] = False
     """Whether it stands for servos of the family whose model is not known. A model made from it is known again."""
     motors: ClassVar[str] = ""

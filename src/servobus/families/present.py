@@ -6,7 +6,6 @@ part needs to know what a model is, which the core does not. Nothing is printed 
 
 from typing import Any
 
-from servobus.core.framing import Corrupt, Event, Noise, Packet
 from servobus.core.units import show, shown
 from servobus.families.base import Family, Model
 
@@ -83,57 +82,6 @@ def model_lines(model: type[Model]) -> list[str]:
 # Packets
 
 
-def packet_entries(model: type[Model], data: bytes) -> list[dict[str, Any]]:
-    """Explain bytes packet by packet, with what is broken or junk between them; `offset` is where each begins."""
-    family = model.family
-    events = family.framing.decode(data)
-    entries: list[dict[str, Any]] = []
-    request: Packet | None = None
-    for event, offset in zip(events, _offsets(events, family, len(data)), strict=True):
-        id: int | None = None
-        if isinstance(event, Packet):
-            kind, id = "packet", event.id
-            raw = data[offset : offset + family.framing.overhead + len(event.data)]
-            text = family.explain(event, request, model)
-            # A packet that reads otherwise behind its request is the answer to it, and is not answered itself.
-            request = event if text == family.explain(event, None, model) else None
-        elif isinstance(event, Corrupt):
-            kind, id, raw = "corrupt", event.packet.id, event.raw
-            text = f"CHECKSUM WRONG: would be {family.explain(event.packet, request, model)}"
-            request = None
-        else:  # a line that changes its direction makes junk: what was asked before it can be answered behind it
-            kind, raw = "noise", event.raw
-            text = junk_text(raw)
-        entries.append(
-            {
-                "offset": offset,
-                "hex": raw.hex(" ").upper(),
-                "kind": kind,
-                "family": family.name,
-                "id": id,
-                "text": text,
-            }
-        )
-    return entries
-
-
 def junk_text(raw: bytes) -> str:
     """Say how much it is that is no packet."""
     return f"JUNK: {len(raw)} bytes that are no packet" if len(raw) > 1 else "JUNK: a byte that is no packet"
-
-
-def _offsets(events: list[Event], family: Family, total: int) -> list[int]:
-    """Tell where each event starts. Noise does not say: it ends where the next packet starts."""
-    offsets: list[int] = []
-    following = total
-    for event in reversed(events):
-        match event:
-            case Noise(raw):
-                start = following - len(raw)
-            case Corrupt(packet, raw):
-                start = packet.end - len(raw)
-            case Packet():
-                start = event.end - family.framing.overhead - len(event.data)
-        offsets.append(start)
-        following = start
-    return offsets[::-1]

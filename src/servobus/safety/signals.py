@@ -38,8 +38,8 @@ _open: weakref.WeakSet[Ending] = weakref.WeakSet()
 """Of the buses that are open."""
 _armed: set[Ending] = set()
 """Of those that have set something in motion: they are kept, for they must be made safe."""
-_owner = 0
-"""Process that opened them: a fork of it has no servos."""
+_registered = False
+"""Whether Python tells of the end of this program."""
 _stopping: threading.Thread | None = None
 """The thread that a signal has begun."""
 _warned = False
@@ -61,18 +61,17 @@ def catch_signals() -> bool:
 
 def opened(bus: Ending) -> None:
     """Take note that a bus is open, on a port whose servos outlive this process."""
-    global _owner  # noqa: PLW0603 - it belongs to the process
-    if not _owner:
+    global _registered  # noqa: PLW0603 - once for the whole process
+    if not _registered:
+        _registered = True
         atexit.register(_make_all_safe)
+        if hasattr(os, "register_at_fork"):
+            os.register_at_fork(after_in_child=_leave_all_alone)
         # Before Python waits for threads; `atexit` comes after that.
         register: Callable[[Callable[[], Any]], Any] | None = getattr(threading, "_register_atexit", None)
         if register is not None:
             with contextlib.suppress(RuntimeError):  # the program is ending
                 register(_main_thread_ended)
-    if _owner != os.getpid():
-        _open.clear()
-        _armed.clear()
-    _owner = os.getpid()
     _open.add(bus)
     catch_signals()
 
@@ -84,9 +83,7 @@ def closed(bus: Ending) -> None:
     _armed.discard(bus)
     if not _open and threading.current_thread() is threading.main_thread():
         _stopping = None
-        for number in ENDING:
-            if signal.getsignal(number) is _handle:
-                signal.signal(number, signal.SIG_DFL)
+        _catch_no_more()
 
 
 def about_to_move(bus: Ending) -> None:
@@ -168,7 +165,7 @@ def _handle(number: int, _frame: FrameType | None) -> None:
     global _stopping  # noqa: PLW0603 - there is one end of a program
     if _stopping is not None and _stopping.is_alive() and threading.main_thread().is_alive():
         return  # it is on its way
-    if _stopping is not None or os.getpid() != _owner or not any(bus.drives() for bus in list(_armed)):
+    if _stopping is not None or not any(bus.drives() for bus in list(_armed)):
         signal.signal(number, signal.SIG_DFL)
         signal.raise_signal(number)
         return
@@ -191,6 +188,18 @@ def _main_thread_ended() -> None:
 
 def _make_all_safe() -> None:
     """Do what was left undone."""
-    if os.getpid() == _owner:
-        for bus in list(_armed):
-            bus.end(safe=True)
+    for bus in list(_armed):
+        bus.end(safe=True)
+
+
+def _leave_all_alone() -> None:
+    """Be a fork of the program that opened the buses: it has no servos, and ends as ever."""
+    _open.clear()
+    _armed.clear()
+    _catch_no_more()
+
+
+def _catch_no_more() -> None:
+    for number in ENDING:
+        if signal.getsignal(number) is _handle:
+            signal.signal(number, signal.SIG_DFL)

@@ -3,6 +3,8 @@
 request     a packet to servos
 answer      a packet of a servo, with the question that it answers where there is one
 probe       a byte that servos skip, sent to find out whether the adapter echoes
+padding     bytes that servos skip, sent to keep requests apart
+other       a packet of another family than the one that is looked for
 echo        what was sent, given back by the adapter
 corrupt     bytes of the right shape whose checksum is wrong, or an answer that ends too soon
 noise       bytes that are no packet
@@ -22,10 +24,16 @@ GRAIN = 1e-5
 """s; latencies are counted in steps of this."""
 
 
+UNASKED = "NOBODY ASKED for this: "
+"""Stands before the words of an answer without a question."""
+
+
 class EventKind(StrEnum):
     REQUEST = "request"
     ANSWER = "answer"
     PROBE = "probe"
+    PADDING = "padding"
+    OTHER = "other"
     ECHO = "echo"
     CORRUPT = "corrupt"
     NOISE = "noise"

@@ -3,8 +3,9 @@
 import textwrap
 from typing import Any
 
-from servobus.traffic.events import ServoTraffic, TrafficEvent
-from servobus.traffic.recording import Direction
+from servobus.families.base import Family, Model
+from servobus.traffic.events import UNASKED, EventKind, ServoTraffic, TrafficEvent
+from servobus.traffic.recording import Chunk, Direction
 from servobus.traffic.tracker import Tracker
 
 BYTES_PER_LINE = 16
@@ -16,11 +17,11 @@ COLUMNS = ("servo", "requests", "answers", "median", "longest", "missing", "corr
 """Headings of `table`."""
 
 
-def event_entry(event: TrafficEvent) -> dict[str, Any]:
-    """Give one event; times in s."""
+def event_entry(event: TrafficEvent, *, timed: bool = True) -> dict[str, Any]:
+    """Give one event; times in s, None where they are not known."""
     return {
         "kind": event.kind,
-        "time": event.time,
+        "time": event.time if timed else None,
         "direction": None if event.direction is Direction.UNKNOWN else event.direction,
         "family": event.family.name if event.family else None,
         "id": event.id,
@@ -31,9 +32,35 @@ def event_entry(event: TrafficEvent) -> dict[str, Any]:
     }
 
 
-def event_lines(event: TrafficEvent) -> tuple[list[str], str]:
+def packet_entries(data: bytes, family: Family | None = None, model: type[Model] | None = None) -> list[dict[str, Any]]:
+    """Explain bytes packet by packet, with what is broken or junk between them; `offset` is where each begins.
+
+    Nothing tells when they came and who sent them: an answer without its question is nothing odd here, nor is silence.
+    """
+    tracker = Tracker(family, model)
+    entries: list[dict[str, Any]] = []
+    offset = 0
+    for event in (*tracker.feed(Chunk(0.0, Direction.UNKNOWN, data)), *tracker.finish()):
+        if event.kind is EventKind.SILENCE:
+            continue
+        entries.append(
+            {
+                "offset": offset,
+                "hex": event.raw.hex(" ").upper(),
+                "kind": "packet" if event.kind in (EventKind.REQUEST, EventKind.ANSWER) else event.kind,
+                "family": event.family.name if event.family else None,
+                "id": event.id,
+                "text": event.text.removeprefix(UNASKED),
+            }
+        )
+        offset += len(event.raw)
+    return entries
+
+
+def event_lines(event: TrafficEvent, *, timed: bool = True) -> tuple[list[str], str]:
     """Write one event: lines of hex bytes, the first with the time and the latency, and what they say below."""
-    head, indent = f"{event.time:11.6f} {event.direction} ", " " * MARGIN
+    time = f"{event.time:11.6f}" if timed else " " * 11
+    head, indent = f"{time} {event.direction} ", " " * MARGIN
     wait = "" if event.latency is None else f"+{_milliseconds(event.latency)}"
     lines = []
     for at in range(0, len(event.raw), BYTES_PER_LINE):
@@ -46,11 +73,11 @@ def event_lines(event: TrafficEvent) -> tuple[list[str], str]:
     return lines, text
 
 
-def summary_entry(tracker: Tracker) -> dict[str, Any]:
+def summary_entry(tracker: Tracker, *, timed: bool = True) -> dict[str, Any]:
     """Give the totals, and what each servo did; times in s."""
     return {
         "kind": "summary",
-        "time": round(tracker.time, 6),
+        "time": round(tracker.time, 6) if timed else None,
         "junk": tracker.junk,
         "corrupt": tracker.corrupt,
         "cut_short": tracker.cut_short,
@@ -80,10 +107,10 @@ def table(tracker: Tracker) -> list[tuple[str, ...]]:
     return [_row(servo) for servo in tracker.servos]
 
 
-def totals_text(tracker: Tracker) -> str:
+def totals_text(tracker: Tracker, *, timed: bool = True) -> str:
     """Say how long the line was watched, and what on it was no good packet."""
     return (
-        f"{tracker.time:.1f} s; {_count(tracker.junk, 'byte')} of junk, "
+        (f"{tracker.time:.1f} s; " if timed else "") + f"{_count(tracker.junk, 'byte')} of junk, "
         f"{_count(tracker.corrupt, 'packet')} with a wrong checksum"
         + (f", {tracker.cut_short} cut short" if tracker.cut_short else "")
     )

@@ -11,17 +11,18 @@ import math
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 from servobus.core.exchange import ReplyPattern
-from servobus.core.framing import Corrupt, Event, Noise, Packet
+from servobus.core.framing import Corrupt, Packet
+from servobus.core.ids import BROADCAST
 from servobus.families.base import Family, Model
 from servobus.families.explain import addressed, servo, show_bytes
 from servobus.families.present import junk_text
-from servobus.families.registry import FAMILIES, MODELS, first_model
-from servobus.traffic.events import GRAIN, EventKind, ServoTraffic, TrafficEvent, Trouble
+from servobus.families.registry import FAMILIES
+from servobus.traffic.events import GRAIN, UNASKED, EventKind, ServoTraffic, TrafficEvent, Trouble
 from servobus.traffic.recording import DIGITS, Chunk, Direction, Entry, Speed, TapEnd
-from servobus.traffic.streams import Mark, Stream, best_family, certain_family, good_bytes
+from servobus.traffic.streams import PADDING, Mark, Piece, Stream
+from servobus.traffic.tables import Tables
 
 QUIET = 0.05
 """s; assumption: no adapter keeps back the rest of a packet for so long."""
@@ -31,8 +32,6 @@ MEMORY = 1.0
 """s for which a question is remembered after its time-out: until then an answer to it counts as late, not unasked."""
 BITS = 10
 """Bits of a byte on the wire, start and stop bit included."""
-REPEATED = 1024
-"""Packets whose explanation is kept: programs ask the same again and again."""
 ECHOES = 16
 """Requests whose echo may still come."""
 HEAD = 4
@@ -55,14 +54,21 @@ class _Open:
     deadline: float
     spoiled: bool = False
     """Whether something corrupt came that may have been the answer."""
+    answered: bool = False
+    """Whether one of several servos that may answer did."""
 
     @property
     def id(self) -> int:
         """The servo that must answer; the broadcast id where any may."""
         return self.packet.id if self.reply.id is None else self.reply.id
 
+    @property
+    def to_several(self) -> bool:
+        """Whether any number of servos may answer."""
+        return self.reply.id is None
+
     def fits(self, family: Family, packet: Packet) -> bool:
-        return family is self.family and self.reply.fits(packet)
+        return family is self.family and packet.id != BROADCAST and self.reply.fits(packet)
 
     def begins(self, raw: bytes) -> bool:
         """Tell whether these bytes are the beginning of the answer, and not all of it."""
@@ -74,29 +80,30 @@ class _Open:
 
 
 class Tracker:
-    """Explains the traffic on one line, with servos of one family or, if none is given, of any.
+    """Explains the traffic on one line, with servos of one family or of several.
 
-    family   whose packets these are; found out for each piece by default
-    model    whose registers these are; else those of the family's first model
+    family   whose packets are looked for; those of others are other traffic then. All families by default
+    model    whose registers these are; else those of the model that a servo was heard to report
     baud     the line's speed, bit/s, from which the end of a request on the wire is reckoned
     """
 
     def __init__(self, family: Family | None = None, model: type[Model] | None = None, baud: int | None = None) -> None:
-        self._found_out = family is None and model is None
-        self._family = model.family if model else family
-        self._model = model
+        self._only = model.family if model else family
+        self._family = self._only
+        self._families = tuple(dict.fromkeys((*([self._only] if self._only else []), *FAMILIES.values())))
+        self._tables = Tables(model)
         self._baud = baud
         self._busy = 0.0
         """s: until then what was sent is on the wire."""
-        self._streams: dict[tuple[str, Direction], Stream] = {}
-        self._held: list[Chunk] = []
-        """What came before the family is known."""
+        self._streams: dict[Direction, Stream] = {}
         self._open: list[_Open] = []
         self._overdue: deque[_Open] = deque(maxlen=ECHOES)
         self._sent: deque[tuple[Packet, float]] = deque(maxlen=ECHOES)
         """Requests that may be echoed, and until when."""
-        self._probed = 0.0
-        """s: until then a probe may come back."""
+        self._padded, self._padded_until = 0, 0.0
+        """Bytes of padding that may come back, and until when, s."""
+        self._request_last: set[Direction] = set()
+        """Directions in which a request was the last that came."""
         self._echo: bool | None = None
         self._perhaps_echoed: _Open | None = None
         """A question whose answer was the same as itself, and may have been its echo."""
@@ -141,82 +148,58 @@ class Tracker:
             moment, what = due
             if isinstance(what, _Open):
                 events += self._time_out(what, moment)
-            elif isinstance(what, Stream):
-                events += self._sort(what, what.flush())
             else:
-                events += self._decide_by_best()
+                events += self._sort(what, what.flush())
         self.time = max(self.time, now)
         return events
 
     def finish(self) -> list[TrafficEvent]:
         """Tell that this was all. A last question that may still have been answered counts neither way."""
-        events = self._decide_by_best() if self._held else []
+        events: list[TrafficEvent] = []
         for stream in self._streams.values():
             events += self._sort(stream, stream.flush())
         self._open.clear()
         return events
 
-    def _next_due(self) -> "tuple[float, _Open | Stream | None] | None":
+    def _next_due(self) -> "tuple[float, _Open | Stream] | None":
         """Tell what happens next if nothing comes, and when."""
-        due: list[tuple[float, _Open | Stream | None]] = [(one.deadline, one) for one in self._open]
-        due += [(one.last + QUIET, one) for one in self._streams.values() if one.decoder.pending]
-        if self._held:
-            due.append((self._held[-1].time + QUIET, None))
+        due: list[tuple[float, _Open | Stream]] = [(one.deadline, one) for one in self._open]
+        due += [(one.last + QUIET, one) for one in self._streams.values() if one.pending]
         return min(due, key=lambda one: one[0], default=None)
 
-    # Which family the bytes are of
-
     def _take(self, chunk: Chunk) -> list[TrafficEvent]:
-        if not self._found_out:
-            assert self._family is not None
-            return self._feed(self._family, chunk)
-        if self._family is None:
-            self._held.append(chunk)
-            family = certain_family(self._held)
-            return self._decide(family) if family is not None else []
-        if not good_bytes(self._family, chunk.data):
-            # Only what is wholly made of another family's packets is its: a false packet may hide in anything.
-            size = len(chunk.data.removeprefix(self._family.framing.probe))
-            others = (one for one in FAMILIES.values() if size and good_bytes(one, chunk.data) == size)
-            if (other := next(others, None)) is not None:
-                events = [one for stream in self._streams.values() for one in self._sort(stream, stream.flush())]
-                self._family = other
-                return events + self._feed(other, chunk)
-        return self._feed(self._family, chunk)
-
-    def _decide(self, family: Family) -> list[TrafficEvent]:
-        self._family = family
-        held, self._held = self._held, []
-        return [one for chunk in held for one in self._feed(family, chunk)]
-
-    def _decide_by_best(self) -> list[TrafficEvent]:
-        family = best_family(self._held)
-        if family is not None:
-            return self._decide(family)
-        held, self._held = self._held, []
-        self.junk += sum(len(chunk.data) for chunk in held)
-        return [_junk(chunk.time, chunk.direction, chunk.data, None) for chunk in held]
-
-    def _feed(self, family: Family, chunk: Chunk) -> list[TrafficEvent]:
         events: list[TrafficEvent] = []
         wire = chunk.time
         if chunk.direction is Direction.OUT:
             wire = max(chunk.time, self._busy)
             self._busy = wire + self._wire_time(len(chunk.data))
-            answers = self._streams.get((family.name, Direction.IN))
-            if answers is not None and not family.full_duplex:
-                events += self._sort(answers, answers.flush())  # the rest of it will not come any more
-        key = family.name, chunk.direction
-        stream = self._streams.get(key) or self._streams.setdefault(key, Stream(family, chunk.direction))
-        events += self._sort(stream, stream.feed(chunk, wire))
-        if chunk.direction is Direction.IN and stream.decoder.pending > self._longest(family):
+        stream = self._stream(chunk.direction)
+        pieces = stream.feed(chunk, wire)
+        answers = self._streams.get(Direction.IN)
+        half_duplex = any(piece.family is not None and not piece.family.full_duplex for piece in pieces)
+        if chunk.direction is Direction.OUT and answers is not None and half_duplex:
+            events += self._sort(answers, answers.flush())  # the rest of it will not come any more
+        events += self._sort(stream, pieces)
+        if chunk.direction is Direction.IN and stream.pending > self._longest():
             events += self._sort(stream, stream.flush())  # a header that promises more than was asked for is none
         return events
 
-    def _longest(self, family: Family) -> float:
+    def _stream(self, direction: Direction) -> Stream:
+        if direction not in self._streams:
+            self._streams[direction] = Stream(self._families, direction, self._likeliest)
+        return self._streams[direction]
+
+    def _likeliest(self) -> list[Family]:
+        """Give the families whose packets are likeliest to come: those that are asked, and the one that came last."""
+        if self._only is not None:
+            return [self._only]
+        last = [] if self._family is None else [self._family]
+        return [*(one.family for one in self._open), *last]
+
+    def _longest(self) -> float:
         """Give the size of the longest answer that may come, in bytes; infinite while nothing was asked."""
-        asked = [one.reply for one in (*self._open, *self._overdue) if one.family is family]
-        sizes = [family.framing.overhead + max(reply.sizes) for reply in asked]
+        asked = (*self._open, *self._overdue)
+        sizes = [one.family.framing.overhead + max(one.reply.sizes) for one in asked]
         return max(sizes, default=math.inf) if self._open else math.inf
 
     def _wire_time(self, count: int) -> float:
@@ -224,82 +207,118 @@ class Tracker:
 
     # What the bytes mean
 
-    def _sort(self, stream: Stream, placed: Sequence[tuple[int, bytes, Event]]) -> Iterator[TrafficEvent]:
-        for n, (start, raw, event) in enumerate(placed):
-            first, last = stream.at(start), stream.at(start + len(raw) - 1)
-            match event:
-                case Noise() if (probe := self._probe(stream, raw, first, placed[n + 1 :])) is not None:
-                    yield probe
-                case Noise() if (asked := self._begun(stream, raw)) is not None:
-                    yield self._cut(asked, stream, raw, first)
-                case Noise():
-                    self.junk += len(raw)
-                    yield _junk(first.time, stream.direction, raw, stream.family)
-                case Corrupt(packet):
-                    yield self._corrupt(stream, packet, raw, first)
-                case Packet() if self._is_request(stream, event):
+    def _sort(self, stream: Stream, pieces: Sequence[Piece]) -> Iterator[TrafficEvent]:
+        for n, piece in enumerate(pieces):
+            first, last = stream.at(piece.start), stream.at(piece.start + len(piece.raw) - 1)
+            behind = pieces[n + 1] if n + 1 < len(pieces) else None
+            followed_request = stream.direction in self._request_last
+            self._request_last.discard(stream.direction)
+            match piece.family, piece.event:
+                case None, _:
+                    yield self._noise(stream, piece.raw, first, behind, followed_request=followed_request)
+                case family, Corrupt(packet):
+                    yield self._corrupt(stream, family, packet, piece.raw, first)
+                case family, Packet() as packet if self._only not in (None, family):
+                    text = f"other traffic, {family.title}: {self._tables.explain(family, packet)}"
+                    yield TrafficEvent(
+                        first.time, stream.direction, EventKind.OTHER, text, family, packet.id, piece.raw
+                    )
+                case family, Packet() as packet if self._is_request(stream, family, packet):
+                    self._family = family
                     end = last.time
                     if stream.direction is Direction.OUT:
-                        end = last.wire + self._wire_time(event.end - last.start)
-                    yield from self._request(stream, event, raw, first, last, end)
-                case Packet():
-                    yield self._answer(stream, event, raw, first)
+                        end = last.wire + self._wire_time(packet.end - last.start)
+                    yield from self._request(stream, family, packet, piece.raw, first, last, end)
+                    self._request_last.add(stream.direction)
+                case family, Packet() as packet:
+                    self._family = family
+                    yield self._answer(stream, family, packet, piece.raw, first)
 
-    def _probe(
-        self, stream: Stream, raw: bytes, first: Mark, behind: Sequence[tuple[int, bytes, Event]]
+    def _noise(
+        self, stream: Stream, raw: bytes, first: Mark, behind: Piece | None, *, followed_request: bool
+    ) -> TrafficEvent:
+        """Say what bytes are that are no packet."""
+        padding = self._padding(stream, raw, first, behind, followed_request=followed_request)
+        if padding is not None:
+            return padding
+        asked = self._begun(stream, raw)
+        if asked is not None:
+            return self._cut(asked, stream, raw, first)
+        self.junk += len(raw)
+        return TrafficEvent(
+            first.time, stream.direction, EventKind.NOISE, junk_text(raw), self._family, None, raw, None, Trouble.JUNK
+        )
+
+    def _padding(
+        self, stream: Stream, raw: bytes, first: Mark, behind: Piece | None, *, followed_request: bool
     ) -> TrafficEvent | None:
-        """Recognise the byte that a driver sends before a request to find out about an echo, or that byte's echo."""
-        if raw != stream.family.framing.probe:
+        """Recognise bytes between requests that servos skip, or their echo.
+
+        A driver sends one before a request that looks like its own answer, to find out whether the line echoes; some to
+        keep the answers of several servos apart, or to end what a servo took for the start of a packet.
+        """
+        if raw.strip(PADDING):
             return None
-        family, direction, time = stream.family, stream.direction, first.time
-        if direction is Direction.IN and time < self._probed:
-            self._probed = 0.0
-            return TrafficEvent(time, direction, EventKind.ECHO, "echo of the probe", family, None, raw)
-        if direction is not Direction.IN and behind:
-            request = behind[0][2]
-            if isinstance(request, Packet) and self._is_request(stream, request):
-                self._probed = time + PATIENCE
-                text = "probe: servos skip this byte, an echo brings it back"
-                return TrafficEvent(time, direction, EventKind.PROBE, text, family, None, raw)
-        return None
+        family, direction, time = self._family, stream.direction, first.time
+        if direction is Direction.IN:
+            if time >= self._padded_until or len(raw) > self._padded:
+                return None
+            self._padded -= len(raw)
+            text = "echo of the probe" if len(raw) == 1 else "echo of the padding"
+            return TrafficEvent(time, direction, EventKind.ECHO, text, family, None, raw)
+        request: Family | None = None
+        if behind is not None and isinstance(behind.event, Packet) and behind.family is not None:
+            request = behind.family if self._is_request(stream, behind.family, behind.event) else None
+        # On a line of one wire 00 behind a request is where the direction changes.
+        between = followed_request and family is not None and bool(family.framing.filler)
+        if direction is Direction.UNKNOWN and request is None and not between:
+            return None
+        self._padded, self._padded_until = self._padded + len(raw), time + PATIENCE
+        family = request or family
+        if len(raw) == 1 and request is not None and not request.framing.filler:
+            text = "probe: servos skip this byte, an echo brings it back"
+            return TrafficEvent(time, direction, EventKind.PROBE, text, family, None, raw)
+        text = f"padding: {len(raw)} byte{'s' * (len(raw) > 1)} between requests, which servos skip"
+        return TrafficEvent(time, direction, EventKind.PADDING, text, family, None, raw)
 
     def _begun(self, stream: Stream, raw: bytes) -> _Open | None:
         """Find the question whose answer these bytes are the beginning of."""
         if stream.direction is Direction.OUT:
             return None
-        return next((one for one in self._open if one.family is stream.family and one.begins(raw)), None)
+        return next((one for one in self._open if one.begins(raw)), None)
 
     def _cut(self, asked: _Open, stream: Stream, raw: bytes, first: Mark) -> TrafficEvent:
         asked.spoiled = True
         id = asked.id
-        self._counts(stream.family, id).corrupt += 1
+        self._counts(asked.family, id).corrupt += 1
         self.cut_short += 1
         text = f"CUT SHORT: the answer of {servo(id)} begins so, and a byte or more of it is lost"
         return TrafficEvent(
-            first.time, stream.direction, EventKind.CORRUPT, text, stream.family, id, raw, None, Trouble.CUT
+            first.time, stream.direction, EventKind.CORRUPT, text, asked.family, id, raw, None, Trouble.CUT
         )
 
-    def _is_request(self, stream: Stream, packet: Packet) -> bool:
+    def _is_request(self, stream: Stream, family: Family, packet: Packet) -> bool:
         """Tell a request from an answer; where the sender is not known, by what was asked before."""
         if stream.direction is not Direction.UNKNOWN:
             return stream.direction is Direction.OUT
-        asked = self._answered_by(stream.family, packet)
+        request = family.replies_to(packet) is not None
+        asked = self._answered_by(family, packet)
         if asked is not None and not (packet.data and packet == asked.packet):
-            return False
-        return stream.family.replies_to(packet) is not None
+            # Whatever may be asked next fits where any servo may answer: there a request is one.
+            return asked.to_several and request
+        return request
 
     def _answered_by(self, family: Family, packet: Packet) -> _Open | None:
         return next((one for one in self._open if one.fits(family, packet)), None)
 
     def _request(
-        self, stream: Stream, packet: Packet, raw: bytes, first: Mark, last: Mark, end: float
+        self, stream: Stream, family: Family, packet: Packet, raw: bytes, first: Mark, last: Mark, end: float
     ) -> Iterator[TrafficEvent]:
-        family = stream.family
         for one in list(self._open):
             # A program that asks on has stopped waiting, unless the line is full duplex and the request is to another.
             if not (family is one.family and family.full_duplex and one.packet.id != packet.id):
-                answers = self._streams.get((one.family.name, Direction.IN))
-                if answers is not None and one.begins(answers.decoder.begun):
+                answers = self._streams.get(Direction.IN)
+                if answers is not None and one.begins(answers.begun):
                     yield from self._sort(answers, answers.flush())  # the rest of it will not come any more
                 yield from self._time_out(one, first.time)
         replies = family.replies_to(packet)
@@ -308,36 +327,36 @@ class Tracker:
             text = f"unknown request {packet.code:#04x} {addressed(packet.id)}{data}"
             replies = (ReplyPattern(packet.id, None, (0,), certain=False),)  # it may be refused
         else:
-            text = self._explain(family, packet, None)
+            text = self._tables.explain(family, packet)
         self._perhaps_echoed = None
         self._counts(family, packet.id).requests += 1
         self._sent.append((packet, end + PATIENCE))
         size = 0
         for reply in replies:
             id = packet.id if reply.id is None else reply.id
-            expected = reply.certain or (family.name, id) in self._answers_commands
+            obeys = packet.id != BROADCAST and (family.name, id) in self._answers_commands
+            expected = reply.certain or obeys
             size += family.framing.overhead + max(reply.sizes)
             deadline = end + PATIENCE + self._wire_time(size)
             self._open.append(_Open(family, packet, reply, text, end, last.time, expected, deadline))
         yield TrafficEvent(first.time, stream.direction, EventKind.REQUEST, text, family, packet.id, raw)
 
-    def _answer(self, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
-        family, time = stream.family, first.time
+    def _answer(self, stream: Stream, family: Family, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
+        time = first.time
         asked = self._answered_by(family, packet)
         if stream.direction is Direction.IN and self._is_echo(packet, asked, time):
             text = "echo of the request"
             return TrafficEvent(time, stream.direction, EventKind.ECHO, text, family, packet.id, raw)
         counts = self._counts(family, packet.id)
         if asked is not None:
-            self._open.remove(asked)
+            self._close(asked, time)
             if self._echo is None:
                 if packet == asked.packet:
                     self._perhaps_echoed = asked
                 else:
                     self._echo = False
-            self._counts(family, asked.id).answered += 1
             counts.answers += 1
-            if not asked.reply.certain:
+            if not asked.reply.certain and asked.packet.id != BROADCAST:
                 self._answers_commands.add((family.name, packet.id))
             return self._answer_to(asked, stream, packet, raw, first)
         if self._perhaps_echoed is not None and self._perhaps_echoed.fits(family, packet):
@@ -347,13 +366,23 @@ class Tracker:
         counts.other += 1
         return TrafficEvent(time, stream.direction, EventKind.ANSWER, text, family, packet.id, raw, None, trouble)
 
+    def _close(self, asked: _Open, time: float) -> None:
+        """Count a question as answered. One that several servos may answer stays open for the others."""
+        if not asked.answered:
+            self._counts(asked.family, asked.id).answered += 1
+        asked.answered = True
+        if asked.to_several:
+            asked.deadline = max(asked.deadline, time + PATIENCE)
+        else:
+            self._open.remove(asked)
+
     def _answer_to(self, asked: _Open, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
-        family = stream.family
+        family = asked.family
         latency = None
         if first.time > asked.mark:  # of two that came in one piece the time between them is not known
             latency = max(first.time - asked.end, 0.0)
             self._counts(family, packet.id).latencies[round(latency / GRAIN)] += 1
-        text = self._explain(family, packet, asked.packet)
+        text = self._tables.answer(family, packet, asked.packet)
         return TrafficEvent(first.time, stream.direction, EventKind.ANSWER, text, family, packet.id, raw, latency)
 
     def _is_echo(self, packet: Packet, asked: _Open | None, time: float) -> bool:
@@ -370,24 +399,23 @@ class Tracker:
         late = next((one for one in self._overdue if one.fits(family, packet) and time < one.end + MEMORY), None)
         if late is not None:
             self._overdue.remove(late)
-            said = self._explain(family, packet, late.packet)
+            said = self._tables.answer(family, packet, late.packet)
             return Trouble.LATE, f"LATE, {1000 * (time - late.end):.0f} ms behind its question: {said}"
-        said = self._explain(family, packet, None)
+        said = self._tables.explain(family, packet)
         if family.replies_to(packet) is not None:  # read as a request, it would say what it cannot mean here
             data = f", data {show_bytes(packet.data)}" if packet.data else ""
             said = f"answer of {servo(packet.id)}, {packet.code:#04x}{data}"
         open = [one for one in self._open if one.family is family]
         asked = next((one for one in open if one.id == packet.id), open[0] if open else None)
         if asked is None:
-            return Trouble.UNASKED, f"NOBODY ASKED for this: {said}"
+            return Trouble.UNASKED, f"{UNASKED}{said}"
         if asked.id != packet.id:
             return Trouble.STRANGER, f"STRANGER, id {asked.id} was asked: {said}"
         self._open.remove(asked)
         self._counts(family, packet.id).failed += 1
         return Trouble.MISFIT, f"DOES NOT FIT the question: {said}"
 
-    def _corrupt(self, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
-        family = stream.family
+    def _corrupt(self, stream: Stream, family: Family, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
         asked = None
         if stream.direction is not Direction.OUT:
             asked = next((one for one in self._open if one.family is family), None)
@@ -398,7 +426,7 @@ class Tracker:
         if asked is not None or (family.name, id) in self._servos:
             self._counts(family, id).corrupt += 1
         self.corrupt += 1
-        said = self._explain(family, packet, asked.packet if asked else None)
+        said = self._tables.explain(family, packet, asked.packet if asked else None)
         text = f"CHECKSUM WRONG: would be {said}"
         return TrafficEvent(
             first.time, stream.direction, EventKind.CORRUPT, text, family, id, raw, None, Trouble.CHECKSUM
@@ -409,6 +437,8 @@ class Tracker:
         self._open.remove(asked)
         self._overdue.append(asked)
         counts = self._counts(asked.family, asked.id)
+        if asked.answered:
+            return
         if asked.spoiled:
             counts.failed += 1
         elif asked.expected:
@@ -420,20 +450,8 @@ class Tracker:
             id = asked.id
             yield TrafficEvent(time, Direction.IN, EventKind.SILENCE, text, asked.family, id, b"", None, Trouble.SILENT)
 
-    def _explain(self, family: Family, packet: Packet, request: Packet | None) -> str:
-        return _explained(family, packet, request, (self._model or first_model(family)).key())
-
     def _counts(self, family: Family, id: int) -> ServoTraffic:
         key = family.name, id
         if key not in self._servos:
             self._servos[key] = ServoTraffic(family, id)
         return self._servos[key]
-
-
-@lru_cache(maxsize=REPEATED)
-def _explained(family: Family, packet: Packet, request: Packet | None, model: str) -> str:
-    return family.explain(packet, request, MODELS[model])
-
-
-def _junk(time: float, direction: Direction, raw: bytes, family: Family | None) -> TrafficEvent:
-    return TrafficEvent(time, direction, EventKind.NOISE, junk_text(raw), family, None, raw, None, Trouble.JUNK)

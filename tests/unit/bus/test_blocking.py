@@ -227,10 +227,11 @@ def test_move_writes_goal_and_speed_in_one_packet() -> None:
 
 
 def test_torque_sets_the_goal_first_and_goes_off_even_after_an_error() -> None:
-    bus, port = bus_with(motion_status(0, 512), OK, OK, OK)
+    bus, port = bus_with(motion_status(0, 512), motion_status(0, 512), OK, OK, OK)
     with pytest.raises(KeyError, match="boom"), bus.attach(RX28, 1).torque():
         raise KeyError("boom")
     assert port.requests == [
+        STANCE,  # one that is on already stays so at the end
         STANCE,
         "FF FF 01 05 03 1E 00 02 D6",  # goal := 512
         "FF FF 01 04 03 18 01 DE",

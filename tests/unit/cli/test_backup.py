@@ -1,11 +1,14 @@
+import re
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from servobus import Backup
+from servobus import MODELS, Backup
 from unit.cli.conftest import ALL, DRS, LX, RX, Run
+from unit.served import Arm
 
 
 @pytest.fixture(autouse=True)
@@ -90,7 +93,7 @@ def test_files_that_are_no_backup(run: Run, refused: Callable[..., str]) -> None
     assert "notes.toml: this is not a backup file" in refused("restore", RX, 1, "notes.toml")
     assert "noise.toml: this is not a backup file" in refused("restore", RX, 1, "noise.toml")
     run("backup", RX, 1, "rx.toml")
-    assert "the backup is of a RX-28, LX-16A id 1 is another model" in refused("restore", LX, 1, "rx.toml")
+    assert "the backup belongs to model RX-28, LX-16A id 1 is another model" in refused("restore", LX, 1, "rx.toml")
 
 
 def test_a_backup_of_another_id_leaves_the_id(run: Run, load: Callable[..., Any]) -> None:
@@ -146,3 +149,120 @@ def test_a_reset_that_would_make_twins_is_refused(refused: Callable[..., str], l
 def test_reboot(run: Run, refused: Callable[..., str]) -> None:
     assert run("reboot", DRS, 219).stdout == "DRS-0602 id 219 restarted; its torque is off\n"
     assert "switch its power off and on" in refused("reboot", RX, 1)
+
+
+@pytest.mark.parametrize("family", ALL)
+def test_N4_restore_with_the_torque_on_is_refused_or_lets_go_first(run: Run, family: str) -> None:
+    port, id = ALL[family]
+    key = port.removeprefix("virtual:").partition("@")[0]
+    limits = {"rx28": ("0", "0"), "drs0602": ("12000", "12001"), "lx16a": ("100", "101")}[key]  # one of them turns
+    low, high = (MODELS[key].register(name).name for name in ("min_position", "max_position"))
+    with Arm(f"{key}@{id}") as arm:
+        run("backup", arm.name, id, "as-it-was.toml")
+        text = Path("as-it-was.toml").read_text()
+        for name, raw in zip((low, high), limits, strict=True):
+            text = re.sub(rf"^{name} = \d+", f"{name} = {raw}", text, flags=re.MULTILINE)
+        Path("wheel.toml").write_text(text)
+        run("torque", arm.name, id, "on")
+        shaft = arm.servos[0].position
+        result = run("restore", arm.name, id, "wheel.toml", "--yes", code=1)
+        assert f"its torque is on, and settings can move it: switch it off first (`servobus torque {arm.name} {id}" in (
+            result.stderr
+        )
+        assert "or say --torque-off; nothing was changed" in result.stderr
+        result = run("restore", arm.name, id, "wheel.toml", "--yes", "--torque-off")
+        assert f"torque switched off: id {id}" in result.stderr
+        assert f"restored {low}" in result.stdout or f"restored {high}" in result.stdout
+        time.sleep(0.1)
+        assert arm.servos[0].position == pytest.approx(shaft, abs=1e-9)
+        assert not arm.servos[0].torque
+
+
+@pytest.mark.parametrize(("key", "name"), [("lx16a", "angle_offset"), ("drs0602", "calibration_difference")])
+def test_N4_a_shift_of_the_zero_is_told(run: Run, key: str, name: str) -> None:
+    port = kept(f"virtual:{key}@1?clock=virtual")
+    run("write", port, 1, f"{name}={'10' if key == 'lx16a' else '50'}", "--save")
+    run("backup", port, 1, "shifted.toml")
+    run("write", port, 1, f"{name}=0", "--save")
+    said = run("restore", port, 1, "shifted.toml", "--yes").stderr
+    assert f"{name}: the angles that are read change with it, the shaft stays where it is" in said
+
+
+def test_T4_what_cannot_be_written_is_named_and_the_exit_code_tells(run: Run, load: Callable[..., Any]) -> None:
+    port = kept(RX)
+    run("backup", port, 1, "rx.toml")
+    text = Path("rx.toml").read_text()
+    text = text.replace("ccw_angle_limit = 1023", "ccw_angle_limit = 65535").replace("alarm_led = 36", "alarm_led = 4")
+    Path("rx.toml").write_text(text)
+    result = run("restore", port, 1, "rx.toml", "--yes", code=1)
+    assert "  alarm_led: overheating+overload -> overheating\n" in result.stdout
+    assert "restored alarm_led; not restored: ccw_angle_limit = " in result.stderr
+    assert "is not in 0.0° (raw 0) .. 300.0° (raw 1023)" in result.stderr
+    assert load("read", port, 1, "alarm_led")["alarm_led"]["raw"] == 4
+
+
+def test_T4_a_damaged_file_is_named_by_line_and_key(run: Run, refused: Callable[..., str]) -> None:
+    run("backup", RX, 1, "rx.toml")
+    text = Path("rx.toml").read_text()
+    Path("bad.toml").write_text(text.replace("max_torque = 1023", "max_torque = 10x3"))
+    assert "bad.toml: this is not a backup file, or it is damaged: line 16 (max_torque = 10x3" in refused(
+        "restore", RX, 1, "bad.toml"
+    )
+    Path("bad.toml").write_text(text.replace("max_torque = 1023", "max_torque = 102.3"))
+    assert "max_torque in line 16 is 102.3" in refused("restore", RX, 1, "bad.toml")
+    Path("bad.toml").write_text("")
+    assert refused("restore", RX, 1, "bad.toml") == "servobus: bad.toml: the file is empty: it holds no backup\n"
+    Path("bad.toml").write_bytes(text.encode().replace(b"alarm_led = 36", b"alarm_led = \xff"))
+    assert "line 18 is no text" in refused("restore", RX, 1, "bad.toml")
+
+
+def test_T4_a_backup_of_another_id_is_asked_about(run: Run) -> None:
+    port = kept(RX)
+    run("write", port, 1, "max_torque=50", "--save")
+    run("backup", port, 1, "one.toml")
+    result = run("restore", port, 2, "one.toml", code=1, input="n\n")
+    assert "write it to RX-28 id 2; the backup is of id 1, this is id 2?" in result.stdout
+    assert "the id stays 2" in result.stderr
+
+
+def test_T4_what_a_shorter_backup_lacks_is_told(run: Run) -> None:
+    run("backup", RX, 1, "rx.toml")
+    text = Path("rx.toml").read_text()
+    Path("short.toml").write_text("".join(line for line in text.splitlines(True) if "alarm_led" not in line))
+    assert "the backup lacks alarm_led: what the servo has there stays" in run("restore", RX, 1, "short.toml").stderr
+
+
+def test_reset_of_what_cannot_is_refused_before_it_asks(run: Run) -> None:
+    result = run("reset", LX, 1, code=1, input="y\n")
+    assert "cannot be reset" in result.stderr
+    assert result.stdout == ""
+    assert list(Path().glob("*.toml")) == []
+
+
+@pytest.mark.parametrize("asked", [57_142, 57_600, 57_000])
+def test_T7_one_code_is_one_speed(run: Run, asked: int) -> None:
+    """2 000 000 / 35 = 57143 baud: code 34, the speed from the factory (manual 3-4-1)."""
+    said = run("set-baud", RX, 1, asked).stdout
+    other = "" if asked == 57_600 else f"; {asked} is the same to it"
+    assert said == f"RX-28 id 1 talks at 57600 baud already{other}\n"
+
+
+@pytest.mark.parametrize("asked", [123_456, 222_222, 2_000_000, 34_482, 1_100_000, 7_843, 1])
+def test_N16_a_speed_at_which_no_scan_looks_is_refused(refused: Callable[..., str], asked: int) -> None:
+    said = refused("set-baud", RX, 1, asked)
+    assert f"is not set to {asked} baud: no scan would find it there" in said
+    assert "the nearest is " in said
+
+
+@pytest.mark.parametrize("key", ["rx28", "drs0602"])
+def test_N16_every_speed_of_set_baud_is_found_by_a_wide_scan(run: Run, load: Callable[..., Any], key: str) -> None:
+    port = kept(f"virtual:{key}@1?clock=virtual")
+    family = MODELS[key].family.name
+    for baud in MODELS[key].bauds[1:]:
+        run("set-baud", port, 1, baud, "--baud", "all", "--family", family)
+        found = load("scan", port, "--ids", "1", "--baud", "all", "--family", family)
+        assert [one["baud"] for one in found] == [baud]
+
+
+def test_T7_the_lx16a_has_its_speed_already(run: Run) -> None:
+    assert run("set-baud", LX, 1, 115_200).stdout == "LX-16A id 1 talks at 115200 baud already\n"

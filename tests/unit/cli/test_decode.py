@@ -32,10 +32,11 @@ def test_the_family_is_found_out(load: Callable[..., Any]) -> None:
 
 def test_what_a_program_gets(load: Callable[..., Any]) -> None:
     packet, noise = load("decode", PING, "00")
+    read = {"read_as": "read as hexadecimal bytes, 7 of them"}
     ping = {"offset": 0, "hex": PING, "kind": "packet", "family": "dynamixel", "id": 1, "text": "PING id 1"}
     junk = "JUNK: a byte that is no packet"
-    assert packet == ping
-    assert noise == {"offset": 6, "hex": "00", "kind": "noise", "family": "dynamixel", "id": None, "text": junk}
+    assert packet == ping | read
+    assert noise == {"offset": 6, "hex": "00", "kind": "noise", "family": "dynamixel", "id": None, "text": junk} | read
 
 
 @pytest.mark.parametrize(
@@ -63,17 +64,24 @@ def test_an_answer_that_looks_like_its_question_is_not_answered(load: Callable[.
 def test_values_need_the_question(load: Callable[..., Any]) -> None:
     asked, answer = "READ_DATA id 1: 2 bytes from address 36, present_position", "FF FF 01 04 00 00 02 F8"
     told = "status of id 1: ok, present_position 150.1°"
-    assert texts(load("decode", READ, answer, READ)) == [asked, told, asked]
-    assert texts(load("decode", READ, READ, answer)) == [asked, asked, told]
-    assert texts(load("decode", READ, "00", answer)) == [asked, "JUNK: a byte that is no packet", told]
+    assert texts(load("decode", "--model", "rx28", READ, answer, READ)) == [asked, told, asked]
+    assert texts(load("decode", "--model", "rx28", READ, READ, answer)) == [asked, asked, told]
+    assert texts(load("decode", "--model", "rx28", READ, "00", answer)) == [
+        asked,
+        "JUNK: a byte that is no packet",
+        told,
+    ]
     assert texts(load("decode", answer)) == ["status of id 1: ok, 00 02"]
-    assert texts(load("decode", READ, "FF FF 01 04 00 00 02 F9"))[1] == f"CHECKSUM WRONG: would be {told}"
+    assert (
+        texts(load("decode", "--model", "rx28", READ, "FF FF 01 04 00 00 02 F9"))[1]
+        == f"CHECKSUM WRONG: would be {told}"
+    )
 
 
 def test_the_model_can_be_named(load: Callable[..., Any], run: Run, refused: Callable[..., str]) -> None:
     assert load("decode", "--model", "lx16a", READ_LX)[0]["family"] == "lewansoul"
     assert load("decode", "--model", "RX-28", "--family", "Dynamixel", PING)[0]["family"] == "dynamixel"
-    assert run("decode", "--model", "rx28", PING).stdout.startswith("Dynamixel protocol 1.0, registers of RX-28, 6")
+    assert run("decode", "--model", "rx28", PING).stdout.splitlines()[1] == "Dynamixel protocol 1.0, registers of RX-28"
     assert "no model 'rx29'; did you mean rx28?" in refused("decode", "--model", "rx29", PING)
     clash = refused("decode", "--model", "rx28", "--family", "herkulex", PING)
     assert "RX-28 is of the family dynamixel, not herkulex" in clash
@@ -107,9 +115,11 @@ def test_standard_input(run: Run) -> None:
 def test_for_people(run: Run) -> None:
     lines = run("decode", "--family", "herkulex", "00", STAT).stdout.splitlines()
     assert lines == [
-        "HerkuleX, registers of DRS-0602, 8 bytes",
+        "read as hexadecimal bytes, 8 of them",
+        "HerkuleX; values are bytes at addresses until the model is known, or named by",
+        "--model",
         "     0  00",
-        "        JUNK: a byte that is no packet",
+        "        padding: 1 byte between requests, which servos skip",
         "     1  FF FF 07 DB 07 DA 24",
         "        STAT id 219",
     ]
@@ -117,17 +127,19 @@ def test_for_people(run: Run) -> None:
 
 def test_long_packets_are_folded_at_80_columns(run: Run) -> None:
     data = {id: bytes.fromhex("10005001") for id in range(1, 6)}
-    lines = run("decode", "-", input=dynamixel1.sync_write(30, data).request).stdout.splitlines()
-    assert lines[1] == "     0  FF FF FE 1D 83 1E 04 01 10 00 50 01 02 10 00 50"
-    assert lines[4] == "        SYNC_WRITE to all, for ids 1, 2, 3, 4, 5: id 1: goal_position 4.7°,"
+    lines = run("decode", "-", "--model", "rx28", input=dynamixel1.sync_write(30, data).request).stdout.splitlines()
+    assert lines[0] == "read as the bytes themselves, 33 of them"
+    assert lines[2] == "     0  FF FF FE 1D 83 1E 04 01 10 00 50 01 02 10 00 50"
+    assert lines[5] == "        SYNC_WRITE to all, for ids 1, 2, 3, 4, 5: id 1: goal_position 4.7°,"
     assert max(map(len, lines)) <= 80
 
 
 def test_what_is_no_bytes(refused: Callable[..., str], tmp_path: Path) -> None:
-    assert "neither a row of hex bytes nor a file" in refused("decode", "hello.bin")
-    assert "is no row of hex bytes" in refused("decode", "FF", "GG")
-    assert "neither a row" in refused("decode", "FFF")
-    assert "neither a row" in refused("decode", "")
+    said = refused("decode", "hello.bin")
+    assert "'hello.bin' is neither a row of bytes nor a file: line 1: 'hello.bin' is no byte" in said
+    assert "'FF GG' is no row of bytes: line 1: 'GG' is no byte" in refused("decode", "FF", "GG")
+    assert "'FFF' is no byte: 3 hexadecimal digits are no whole bytes" in refused("decode", "FFF")
+    assert "there are no bytes in it" in refused("decode", "")
     assert "standard input is empty" in refused("decode", "-", input="")
     assert "no family 'foo'" in refused("decode", "--family", "foo", "FF")
     (tmp_path / "folder").mkdir()

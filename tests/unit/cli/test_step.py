@@ -112,6 +112,58 @@ def test_ctrl_c_stops_it_and_leaves_it_as_it_was(end: signal.Signals, torque: in
         assert (real.get("moving_speed"), real.get("torque_enable")) == (100, torque)
 
 
+def test_N19_what_answers_in_place_of_a_person_is_named(run: Run) -> None:
+    result = run("step", "virtual:rx28@1?clock=real", "1", code=1, input="")
+    assert "RX-28 id 1 is at 149.9° and will jump to 194.9° as fast as it can." in result.stderr
+    assert "nobody is there to answer, and nothing was changed: say --limits LOW HIGH" in result.stderr
+    assert "--yes" not in result.stderr
+
+
+@pytest.mark.parametrize(("verb", "rest"), [("reset", []), ("restore", ["a.toml"])])
+def test_N19_every_option_that_a_message_names_is_there(
+    run: Run, verb: str, rest: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run("backup", "virtual:rx28@1?clock=virtual", 1, "a.toml")
+    Path("a.toml").write_text(Path("a.toml").read_text().replace("max_torque = 1023", "max_torque = 512"))
+    said = run(verb, "virtual:rx28@1?clock=virtual", 1, *rest, code=1, input="").stderr
+    assert "--yes goes ahead" in said
+    run(verb, "virtual:rx28@1?clock=virtual", 1, *rest, "--yes")
+
+
+@pytest.mark.parametrize(
+    ("model", "start", "range_"),
+    [
+        ("rx28", "500", "0.0° .. 300.0°"),
+        ("rx28", "-5", "0.0° .. 300.0°"),
+        ("lx16a", "300", "0.0° .. 240.0°"),
+        ("drs0602", "3.5rad", "-159.9° .. 159.6°"),
+    ],
+)
+def test_N20_a_start_is_checked(refused: Callable[..., str], model: str, start: str, range_: str) -> None:
+    said = refused("step", model, "--start", start, code=2)
+    assert "--start" in said
+    assert f"is not in {range_}" in said
+
+
+@pytest.mark.parametrize(("model", "start"), [("rx28", 300), ("rx28", 280), ("lx16a", 240), ("drs0602", 159)])
+def test_N20_a_step_from_the_end_of_the_range_goes_back(load: Callable[..., Any], model: str, start: float) -> None:
+    said = load("step", model, "--start", start)
+    assert said["arrived"]
+    assert said["goal"]["value"] == pytest.approx(start - 45, abs=2)
+
+
+def test_numbers_that_are_none(refused: Callable[..., str]) -> None:
+    assert "not a number" in refused("step", "rx28", "--to", "nan", code=2)
+    for seconds in ("0", "61"):
+        assert "is not above 0 and up to 60" in refused("step", "rx28", "--seconds", seconds, code=2)
+
+
+def test_N20_a_time_of_0_is_none(refused: Callable[..., str]) -> None:
+    for time in ("0", "-1"):
+        assert "is not above 0" in refused("step", "rx28", "--time", time, code=2)
+
+
 def test_limits_are_asked_for(run: Run) -> None:
     port = "virtual:rx28@1?clock=real"
     result = run("step", port, "1", "--to", "170", code=1, input="100\n160\n")
@@ -123,12 +175,10 @@ def test_limits_are_asked_for(run: Run) -> None:
     [
         (("rx29",), "no model 'rx29'; did you mean rx28?"),
         (("rx28", "--to", "400"), "outside"),
-        (("rx28", "--to", "nan"), "not a number"),
         (("rx28", "--set", "punsh=1"), "did you mean punch"),
         (("rx28", "--set", "punch=200"), "punch"),
         (("rx28", "--set", "led=1", "--set", "led=0"), "set twice"),
         (("rx28", "--motor", "huge"), "no motor data 'huge'"),
-        (("rx28", "--seconds", "0"), "--seconds 0"),
         (("rx28", "--plot", "step.doc"), "a picture is one of png, svg, pdf"),
         (("rx28", "--plot", "no/such/folder/step.png"), "there is no folder"),
         (("virtual:rx28@1", "254"), "broadcast"),

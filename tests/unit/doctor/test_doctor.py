@@ -291,7 +291,7 @@ class Lossy(VirtualPort):
 class TestLosses:
     @pytest.fixture
     def port(self) -> Lossy:
-        plain = inprocess.connect("virtual:rx28@1-2?clock=virtual")
+        plain = inprocess.connect("virtual:rx28@1-2?clock=virtual&answer_time=off")
         return Lossy(plain.name, plain.rig, real=False)
 
     def test_are_counted_and_not_asked_again(self, port: Lossy) -> None:

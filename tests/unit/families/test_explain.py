@@ -103,7 +103,7 @@ def test_dynamixel_what_does_not_fit_is_no_answer(after: dynamixel1.Instruction)
 
 def test_dynamixel_nobody_answers_as_all() -> None:
     assert rx28(dynamixel1.Action(254), dynamixel1.Action(254)) == "ACTION to all"
-    assert RX28.family.explain(Packet(254, 0x92), None, RX28) == "undefined instruction 0x92, to all"
+    assert RX28.family.explain(Packet(254, 0x91), None, RX28) == "undefined instruction 0x91, to all"
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,6 @@ from servobus import UnknownName, UsageError, deg
 from servobus.cli.app import app
 from servobus.families import registry
 from servobus.families.dynamixel.verbs import Dynamixel1
-from servobus.traffic.recording import Chunk, Direction
-from servobus.traffic.streams import best_family
 from toyfamily.models import TOY1
 from toyfamily.protocol import write
 from toyfamily.verbs import TOY
@@ -103,7 +101,6 @@ def test_its_packets_are_explained() -> None:
     packet = write(1, 8, (900).to_bytes(2)).request
     assert "WRITE id 1: goal_position 90.0°" in run("decode", "--family", "toy", packet.hex())
     assert "WRITE id 1: goal_position 90.0°" in run("decode", packet.hex())
-    assert best_family([Chunk(0.0, Direction.OUT, packet)]) is TOY
 
 
 @pytest.mark.usefixtures("toys")

@@ -127,6 +127,7 @@ def test_a_herkulex_in_infinite_turn_is_told_to_stop_before_its_torque_comes_on(
 
 def test_an_lx16a_that_lost_its_torque_is_rearmed_at_its_place() -> None:
     bench = bench_for("lx16a")
+    bench.real.goal_torque = False  # type: ignore[attr-defined]
     bench.do(lambda servo: servo.write_many({LX16A.goal_position: 200 * deg, LX16A.goal_time: 0.0}))
     bench.line.sleep(0.1)  # a move that waits for the torque (L-69)
     here = bench.real.position
@@ -150,7 +151,7 @@ def test_a_servo_that_turned_does_not_go_on_turning(key: str) -> None:
     bench.do(lambda servo: servo.turn(**turning(servo.model)))
     bench.line.sleep(0.5)
     bench.do(lambda servo: servo.torque_off())
-    bench.line.sleep(0.5)
+    bench.line.sleep(1.0)  # until it stands
     here = bench.real.position
     bench.do(lambda servo: servo.rearm())
     bench.line.sleep(1.0)

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 import servobus
-from samples import can_be_silenced, models_that, ram_setting, sample_of
+from samples import can_be_silenced, every_model, models_that, ram_setting, sample_of
 from servobus import MODELS, Backup, BusServo, NoReply, UsageError
 from servobus.core.registers import Area
 from servobus.families.base import Answers, Model
@@ -116,8 +116,19 @@ def servo_of(key: str) -> BusServo:
         ("alarm_led = 36", 'alarm_led = "36"', "alarm_led in line 18 is '36', and"),
         ("baud = 57600", "baud = 57600.0", r"baud in line 5 is 57600\.0, and"),
         ("id = 1\n", "id = true\n", "id in line 4 is True, and"),
-        ("max_torque = 1023", "max_torque = 1024", "max_torque = 1024 is not in"),
-        ("max_torque = 1023", "max_turk = 1023", "has no register 'max_turk'; did you mean max_torque"),
+        ("max_torque = 1023", "max_torque = 65536", "max_torque in line 16 is 65536, which 2 bytes cannot hold"),
+        ("max_torque = 1023", "max_torque = 10x3", r"line 16 \(max_torque = 10x3 "),
+        ("max_torque = 1023", "max_torque 1023", r"line 16 \(max_torque 1023 "),
+        ("max_torque = 1023", "moving = 1", "moving in line 16 is no setting that survives power-off"),
+        (
+            "max_torque = 1023",
+            "max_turk = 1023",
+            "in line 16: RX-28 has no register 'max_turk'; did you mean max_torque",
+        ),
+        ('model = "rx28"', 'model = "rx82"', "model in line 2: no model 'rx82'; did you mean rx28"),
+        ('model = "rx28"', "model = 28", "model in line 2 is 28, and it should be a text"),
+        ("[settings]", "[sattings]", "it has no settings"),
+        ("id = 1\n", "", "it has no id"),
         (
             "max_torque = 1023",
             "max_torque = 1023\nmax_temperature = 80",
@@ -140,9 +151,29 @@ def test_an_alias_in_a_backup_is_restored_too() -> None:
 
 
 def test_damaged_backups_are_refused() -> None:
-    for text in ("", "model = 3", 'model = "rx28"', "not toml at all ["):
-        with pytest.raises(UsageError, match="not a backup file"):
+    for text in ("model = 3", 'model = "rx28"', "not toml at all ["):
+        with pytest.raises(UsageError, match="damaged"):
             Backup.parse(text)
-    text = 'model = "rx28"\nfirmware = "8"\nid = 1\nbaud = 57600\n[settings]\nmax_torque = 2000\n'
-    with pytest.raises(UsageError, match="damaged"):
+
+
+@pytest.mark.parametrize("text", ["", "\n", "  \n\n"])
+def test_T4_an_empty_file_is_said_to_be_empty(text: str) -> None:
+    with pytest.raises(UsageError, match=r"^the file is empty: it holds no backup$"):
         Backup.parse(text)
+
+
+@every_model
+def test_T4_a_backup_that_is_cut_off_anywhere_is_never_taken_for_something_else(key: str) -> None:
+    """Each line of a file that is whole sets one register; a file that ends in the middle of a line names it."""
+    saved = servo_of(key).backup()
+    text = saved.text()
+    for end in range(0, len(text), 7):
+        try:
+            part = Backup.parse(text[:end])
+        except UsageError as error:
+            said = str(error)
+        else:
+            whole = [name for name, raw in part.values.items() if saved.values[name] == raw]
+            last = text[:end].rsplit("\n", 1)[-1]
+            said = "line" if whole == list(part.values) or last.rpartition("=")[2].strip().isdigit() else ""
+        assert any(word in said for word in ("line", "it has no", "empty"))

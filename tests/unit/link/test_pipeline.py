@@ -30,7 +30,7 @@ def volley(exchanges: list[Exchange[Any]], *, again: bool = True) -> Procedure[l
 
 
 def opened(spec: str, model: Any, ids: range, baud: int = 1_000_000) -> tuple[Bus, VirtualPort]:
-    bus = servobus.open(f"virtual:{spec}?clock=virtual&baud={baud}", bauds=baud)
+    bus = servobus.open(f"virtual:{spec}?clock=virtual&as=manual&baud={baud}", bauds=baud)
     for id in ids:
         bus.attach(model, id, baud=baud)
     bus[ids[0]].ping()  # so that it is known that there is no echo

@@ -278,7 +278,7 @@ def test_what_another_switched_off_is_not_switched_on_by_holding_it() -> None:
         bus.attach(RX28, 1).torque_on()
         bus.transport.sleep(0.01)
         bus.transport.servos[0].put("torque_enable", 0)
-        bus.transport.servos[0].goal_enables_torque = True  # as some say of real ones
+        bus.transport.servos[0].goal_torque = True  # as some say of real ones
         raise ValueError("a slip")
     bus.transport.rig.run(bus.transport.now() + 0.1)
     assert bus.transport.rig.servos[0].get("torque_enable") == 0

@@ -150,8 +150,8 @@ def test_S2_one_that_answers_no_reads_is_let_go_of(key: str) -> None:
 def test_S2_one_without_torque_stays_without(key: str) -> None:
     servo = virtual(f"{key}@1").find(1)
     real = servo._bus.transport.servos[0]
-    if hasattr(real, "goal_enables_torque"):
-        real.goal_enables_torque = True
+    if hasattr(real, "goal_torque"):
+        real.goal_torque = True
     assert str(servo.stop()) == "it drives nothing: its torque was off"
     assert not servo._bus.transport.servos[0].torque
 
@@ -309,6 +309,31 @@ def test_N7_torque_on_of_a_closed_bus_leaves_nothing_driven(key: str) -> None:
     bus.reopen()
     servo.torque_on()
     assert servo.permit.driven
+
+
+@every_model
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_torque_block_leaves_on_what_was_on_before(key: str, whole: bool) -> None:
+    bus = virtual(f"{key}@1")
+    servo, port = bus.find(1), bus.transport
+    with servo.torque():
+        with bus.torque() if whole else servo.torque():
+            pass
+        port.sleep(0.1)
+        assert port.servos[0].torque
+        with pytest.raises(ValueError, match="a slip"), bus.torque() if whole else servo.torque():
+            servo.start_move(servo.look().position + 40 * deg, time=2.5)
+            port.sleep(0.2)
+            raise ValueError("a slip")
+        assert port.servos[0].torque
+        assert stands(port)
+    port.sleep(0.1)
+    assert not port.servos[0].torque
+    servo.torque_on()
+    with servo.torque():
+        pass
+    port.sleep(0.1)
+    assert port.servos[0].torque
 
 
 # Thresholds

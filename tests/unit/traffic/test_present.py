@@ -1,9 +1,21 @@
-from servobus.traffic.present import COLUMNS, event_entry, event_lines, summary_entry, table, totals_text
+from servobus.families.registry import RX28
+from servobus.traffic.present import (
+    COLUMNS,
+    event_entry,
+    event_lines,
+    packet_entries,
+    summary_entry,
+    table,
+    totals_text,
+)  # fmt: skip
 from servobus.traffic.recording import Chunk, Direction, TapEnd
 from servobus.traffic.tracker import Tracker
 
 PING = bytes.fromhex("FF FF 01 02 01 FB")
 PONG = bytes.fromhex("FF FF 01 02 00 FC")
+READ = bytes.fromhex("FF FF 01 04 02 2B 01 CC")
+"""READ_DATA of present_temperature, and its answer 32 °C: RX-28 manual 3-5-2."""
+HEAT = bytes.fromhex("FF FF 01 03 00 20 DB")
 
 
 def test_events() -> None:
@@ -48,3 +60,16 @@ def test_what_it_comes_to() -> None:
     (row,) = table(tracker)
     assert dict(zip(COLUMNS, row, strict=True))["errors"] == "50 %"
     assert totals_text(tracker) == "2.0 s; 0 bytes of junk, 0 packets with a wrong checksum"
+
+
+def test_packets_and_what_is_between_them() -> None:
+    data = READ + HEAT + b"\x00" + HEAT[:-1] + b"\x00"
+    entries = packet_entries(data, model=RX28)
+    assert [(one["offset"], one["kind"], one["id"]) for one in entries] == [
+        (0, "packet", 1), (8, "packet", 1), (15, "noise", None), (16, "corrupt", 1),
+    ]  # fmt: skip
+    assert bytes.fromhex("".join(one["hex"] for one in entries)) == data
+    texts = [one["text"] for one in entries]
+    assert texts[1] == "status of id 1: ok, present_temperature 32 °C"
+    assert texts[2] == "JUNK: a byte that is no packet"
+    assert texts[3].startswith("CHECKSUM WRONG: would be status of id 1")

@@ -5,7 +5,6 @@ those of docs/behaviours.md.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,6 +13,7 @@ from servobus.core.ids import BROADCAST
 from servobus.core.registers import Register
 from servobus.families.base import Answers, blocks
 from servobus.families.dynamixel.control import (
+    EMANUAL_LEVELS,
     LEVELS,
     OVERLOAD_TIME,
     Approach,
@@ -27,18 +27,21 @@ from servobus.families.dynamixel.protocol import (
     CLOCK,
     FRAMING,
     Action,
+    BulkRead,
     Code,
     Error,
     Ping,
     ReadData,
     RegWrite,
     Reset,
+    SyncRead,
     SyncWrite,
     WriteData,
     parse_instruction,
 )
 from servobus.families.dynamixel.verbs import open_while_locked
-from servobus.virtual.device.servo import Replies, VirtualServo
+from servobus.virtual.device.options import ON_OFF, Limit, OneOf, Option, Span
+from servobus.virtual.device.servo import BITS, Replies, VirtualServo
 
 TURN = 2 * math.pi
 OK = Error(0)
@@ -87,9 +90,9 @@ class Dynamixel1Servo(VirtualServo):
     """Goal Position and the shaft while the torque is off: the manual does not say what becomes of the goal.
 
     ROBOTIS says that it follows the shaft that is turned by hand, so that nothing jumps when the torque is
-    switched on; D-58 has it that a goal written with the torque off is kept and used. Both hold here: the
-    goal becomes the present position when the torque goes off and whenever the shaft is turned; a goal
-    that is written stays until then.
+    switched on; D-58 has it that a goal written with the torque off is kept and used. Both hold here, unless an option
+    says otherwise: the goal becomes the present position when the torque goes off and whenever the shaft is turned; a
+    goal that is written stays until then.
 
     An overload can be seen only while the motor pushes. So after a shutdown its error stays until Torque Limit or
     Torque Enable is written; without a shutdown it ends when the load gives way (assumption).
@@ -98,15 +101,49 @@ class Dynamixel1Servo(VirtualServo):
     tick = 0.002
     """s; assumption: the manual gives no figure for the control loop."""
 
-    # Where the manual is silent, or where others report something else. Set them on a servo or on the class.
-    slope_levels: Sequence[tuple[int, int]] = LEVELS
-    """What Compliance Slope acts as (ED-13); EMANUAL_LEVELS is the other reading."""
-    sides_swapped = False
-    """Whether the clockwise margin and slope act where the goal is clockwise of the shaft (ED-17)."""
-    goal_enables_torque = False
-    """Whether a written Goal Position sets Torque Enable, as is told of servos of this family."""
-    overload_time: float = OVERLOAD_TIME
-    """s that a load is too much before it is an overload; infinite for never."""
+    goal_torque = Option(
+        ON_OFF, practice=True, manual=False, decision="ED-31",
+        text="whether a write of Goal Position switches the torque on",
+    )  # fmt: skip
+    broadcast_ping = Option(
+        OneOf(("silent", "answered")), practice="silent", manual="silent", decision="ED-19",
+        text="whether a PING to id 254 is answered: by each servo in its turn, the lowest id first",
+    )  # fmt: skip
+    goal_after_limp = Option(
+        OneOf(("present", "kept")), practice="present", manual="present", decision="ED-35",
+        text="what Goal Position becomes while the torque is off: where the shaft is, or it stays as it was",
+    )  # fmt: skip
+    goal_after_turn = Option(
+        OneOf(("present", "kept")), practice="present", manual="present", decision="ED-36",
+        text="what Goal Position becomes when endless turn ends: where the shaft is, or it stays as it was",
+    )  # fmt: skip
+    turn_goal = Option(
+        OneOf(("kept", "refused")), practice="kept", manual="kept", decision="ED-34",
+        text="what a goal is in endless turn: kept without motion, or refused with an angle limit error",
+    )  # fmt: skip
+    goal_outside = Option(
+        OneOf(("refused", "limited")), practice="refused", manual="refused", decision="ED-23",
+        text="what a goal outside the angle limits does, besides its error: nothing, or the nearest limit is the goal",
+    )  # fmt: skip
+    bad_checksum = Option(
+        OneOf(("answered", "silent")), practice="answered", manual="answered", decision="ED-20",
+        text="whether an instruction other than PING with a wrong checksum is answered with the checksum error",
+    )  # fmt: skip
+    slope_levels = Option(
+        OneOf(("manual", "online")), practice="manual", manual="manual", decision="ED-13",
+        text="what Compliance Slope acts as: by the table of the manual, or by that of the online manual",
+    )  # fmt: skip
+    compliance_sides = Option(
+        OneOf(("named", "swapped")), practice="named", manual="named", decision="ED-17",
+        text="on which side of the goal the clockwise margin and slope act: as they are named, or on the other one",
+    )  # fmt: skip
+    overload_time = Option(
+        Limit(), practice=OVERLOAD_TIME, manual=OVERLOAD_TIME, decision="ED-37",
+        text="how long a load is too much before it is an overload",
+    )  # fmt: skip
+    answer_time = VirtualServo.answer_time.but(practice=Span(20e-6, 200e-6), decision="ED-33")
+    eeprom_pause = VirtualServo.eeprom_pause.but(decision="ED-32")
+    boot_time = VirtualServo.boot_time.but(decision="ED-38")
 
     firmware_version = 8
     """As in the answer that 3-5-8 Example 6 prints."""
@@ -156,6 +193,7 @@ class Dynamixel1Servo(VirtualServo):
         self.put("firmware_version", self.firmware_version)
         self.put("torque_limit", self.get("max_torque"))  # 3-4-1 Max Torque
         self._listen()
+        self.put("goal_position", self.present)  # D-6
         self._follow_shaft()
         self._settings()
 
@@ -190,18 +228,24 @@ class Dynamixel1Servo(VirtualServo):
         id, answered = self.id, self._answers(packet)
         delay: float = self.row("return_delay_time").decode(self.get("return_delay_time"))
         if isinstance(event, Corrupt):
-            answered = answered and packet.code != Code.PING  # 3-5-5
+            answered = answered and packet.code != Code.PING and self.bad_checksum == "answered"  # 3-5-5, ED-20
             error, data = Error.CHECKSUM, b""
         else:
             error, data = self._obey(packet)
         if error:
             self._alarm(error, now)
+        if packet.id == BROADCAST:
+            delay += self._turn(id, delay)
         return [(delay, FRAMING.frame(Packet(id, error | self.alarms, data)))] if answered else []
+
+    def _turn(self, id: int, delay: float) -> float:
+        """Give the time that an answer to a broadcast PING waits for those of lower ids (ED-19)."""
+        return id * (delay + self.answer_time.high + FRAMING.overhead * BITS / self.baud)
 
     def _answers(self, packet: Packet) -> bool:
         level = self.get("status_return_level")
         if packet.id == BROADCAST:
-            return False  # ED-19
+            return packet.code == Code.PING and self.broadcast_ping == "answered"  # ED-19
         if packet.code == Code.PING:
             return True
         return level >= (Answers.READS if packet.code == Code.READ_DATA else Answers.EVERYTHING)
@@ -227,6 +271,8 @@ class Dynamixel1Servo(VirtualServo):
                 return self._reset(), b""
             case Ping():
                 return OK, b""
+            case SyncRead() | BulkRead():
+                return Error.INSTRUCTION, b""  # ED-26
 
     def _read(self, address: int, length: int) -> tuple[Error, bytes]:
         self._sense()
@@ -236,15 +282,15 @@ class Dynamixel1Servo(VirtualServo):
         return OK, table[address : address + length]
 
     def _write(self, address: int, data: bytes) -> Error:
-        error = self._refusal(address, data)
-        if not error:
-            self._store(address, data)
+        error, allowed = self._checked(address, data)
+        if allowed is not None:
+            self._store(address, allowed)
         return error
 
     def _register(self, address: int, data: bytes) -> Error:
-        error = self._refusal(address, data)  # D-45: what is wrong is said now, not at ACTION
-        if not error:
-            self._kept = address, data
+        error, allowed = self._checked(address, data)  # D-45: what is wrong is said now, not at ACTION
+        if allowed is not None:
+            self._kept = address, allowed
             self.put("registered_instruction", 1)
         return error
 
@@ -273,6 +319,18 @@ class Dynamixel1Servo(VirtualServo):
 
     # The control table
 
+    def _checked(self, address: int, data: bytes) -> tuple[Error, bytes | None]:
+        """Tell what is wrong with these bytes, and give those to be written; None if nothing is."""
+        error = self._refusal(address, data)
+        if error == Error.ANGLE_LIMIT and self.goal_outside == "limited":
+            row, image = self.row("goal_position"), bytearray(data)
+            at = _address(row) - address
+            goal = int.from_bytes(data[at : at + row.layout.size], "little")
+            goal = max(self.get("cw_angle_limit"), min(goal, self.get("ccw_angle_limit")))
+            image[at : at + row.layout.size] = row.layout.pack(goal)
+            return error, bytes(image)
+        return error, None if error else data
+
     def _refusal(self, address: int, data: bytes) -> Error:
         """Tell why these bytes may not be written; nothing of a packet is written if anything is wrong (D-32)."""
         if self.get("lock") and not (address in self._open and address + len(data) - 1 in self._open):
@@ -295,8 +353,8 @@ class Dynamixel1Servo(VirtualServo):
         if not row.accepts(raw):
             return Error.RANGE
         low, high = self.get("cw_angle_limit"), self.get("ccw_angle_limit")
-        if row.name == "goal_position" and not self.endless and not low <= raw <= high:
-            return Error.ANGLE_LIMIT  # ED-23
+        if row.name == "goal_position" and not low <= raw <= high:
+            return OK if self.endless and self.turn_goal == "kept" else Error.ANGLE_LIMIT  # ED-23, ED-34
         return OK
 
     def _store(self, address: int, data: bytes) -> None:
@@ -304,15 +362,16 @@ class Dynamixel1Servo(VirtualServo):
         was_endless = self.endless
         self.memory.write(TABLE, address, data)
         for row in self._reserved:
-            self.memory[row] = 0  # ED-22: accepted, without effect
+            if self.memory[row]:
+                self.memory[row] = 0  # ED-22: accepted, without effect
         self._listen()
         if not self.get("registered_instruction"):
             self._kept = None  # ED-16
-        if was_endless and not self.endless:
+        if was_endless and not self.endless and self.goal_after_turn == "present":
             self.put("goal_position", self.present)  # D-78
         rows = [self._rows_by_address.get(at) for at in range(address, address + len(data))]
         written = {row.name for row in rows if row}
-        if "goal_position" in written and self.goal_enables_torque:
+        if "goal_position" in written and self.goal_torque:
             self.put("torque_enable", 1)
         if written & {"torque_enable", "torque_limit"}:
             self._overloaded, self._strained = False, 0
@@ -433,7 +492,7 @@ class Dynamixel1Servo(VirtualServo):
     def _settings(self) -> Settings:
         """Give what the registers say now."""
         table = self.memory.space(TABLE)
-        made_of = *(table[part] for part in self._sources), self.slope_levels, self.sides_swapped
+        made_of = *(table[part] for part in self._sources), self.slope_levels, self.compliance_sides
         if made_of != self._made_of:
             self._made_of, self._now = made_of, self._read_settings()
             now = self._now
@@ -446,9 +505,10 @@ class Dynamixel1Servo(VirtualServo):
     def _read_settings(self) -> Settings:
         speed = self.get("moving_speed")
         moved: float = self.row("moving_speed").decode(abs(speed)) * self._units * self.tick
+        levels = LEVELS if self.slope_levels == "manual" else EMANUAL_LEVELS
         sides = [
-            (self.get(f"{side}_compliance_margin"), width(self.get(f"{side}_compliance_slope"), self.slope_levels))
-            for side in (("ccw", "cw") if self.sides_swapped else ("cw", "ccw"))
+            (self.get(f"{side}_compliance_margin"), width(self.get(f"{side}_compliance_slope"), levels))
+            for side in (("ccw", "cw") if self.compliance_sides == "swapped" else ("cw", "ccw"))
         ]
         return Settings(
             torque=self.torque,
@@ -505,7 +565,7 @@ class Dynamixel1Servo(VirtualServo):
             self._followed = None
         elif self._followed != self.present:
             self._followed = self.present
-            if not keep_goal:
+            if not keep_goal and self.goal_after_limp == "present":
                 self.put("goal_position", self.present)
 
 

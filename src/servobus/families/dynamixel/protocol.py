@@ -30,7 +30,11 @@ BAUD = BaudDivisor(CLOCK)
 
 
 class Code(IntEnum):
-    """Instructions (manual 3-2)."""
+    """Instructions (manual 3-2). The RX-28 knows neither of the last two (ED-26), other servos on the line may.
+
+    BULK_READ  MX series (ROBOTIS e-manual, Protocol 1.0)
+    SYNC_READ  carried out by adapters such as the USB2AX (its source, AX.h), whose one status packet answers for all
+    """
 
     PING = 0x01
     READ_DATA = 0x02
@@ -39,6 +43,12 @@ class Code(IntEnum):
     ACTION = 0x05
     RESET = 0x06
     SYNC_WRITE = 0x83
+    SYNC_READ = 0x84
+    BULK_READ = 0x92
+
+
+SYNC_READ_OF_OTHERS = 0x82
+"""SYNC_READ of servos by other makers with the same packets, Feetech's; each servo answers for itself."""
 
 
 class Error(IntFlag):
@@ -146,6 +156,24 @@ class SyncWrite:
 
 
 @frozen
+class SyncRead:
+    """Each listed servo is asked for the same bytes."""
+
+    address: int
+    length: int
+    ids: tuple[int, ...]
+    id: int = BROADCAST
+
+
+@frozen
+class BulkRead:
+    """Each servo is asked for bytes of its own, and answers behind the one before it in the list."""
+
+    reads: tuple[ReadData, ...]
+    id: int = BROADCAST
+
+
+@frozen
 class Status:
     """A status packet."""
 
@@ -154,7 +182,7 @@ class Status:
     data: bytes = b""
 
 
-Instruction: TypeAlias = Ping | ReadData | WriteData | RegWrite | Action | Reset | SyncWrite
+Instruction: TypeAlias = Ping | ReadData | WriteData | RegWrite | Action | Reset | SyncWrite | SyncRead | BulkRead
 
 _SIMPLE: dict[Code, type[Ping | Action | Reset]] = {Code.PING: Ping, Code.ACTION: Action, Code.RESET: Reset}
 _WRITES: dict[Code, type[WriteData | RegWrite]] = {Code.WRITE_DATA: WriteData, Code.REG_WRITE: RegWrite}
@@ -166,7 +194,14 @@ _CODES: dict[type, Code] = {
     Action: Code.ACTION,
     Reset: Code.RESET,
     SyncWrite: Code.SYNC_WRITE,
+    SyncRead: Code.SYNC_READ,
+    BulkRead: Code.BULK_READ,
 }
+
+
+def code_of(message: Instruction) -> Code:
+    """Give the instruction code of a message."""
+    return _CODES[type(message)]
 
 
 def encode(message: Instruction | Status) -> bytes:
@@ -182,6 +217,10 @@ def encode(message: Instruction | Status) -> bytes:
             if any(len(part) != length for _, part in parts):
                 raise BadValue(f"SYNC_WRITE: every servo must be given {length} bytes")
             data = bytes((address, length)) + b"".join(bytes((id,)) + part for id, part in parts)
+        case SyncRead(address, length, ids):
+            data = bytes((address, length, *ids))
+        case BulkRead(reads):
+            data = b"\0" + b"".join(bytes((read.length, read.id, read.address)) for read in reads)
         case _:
             data = b""
     return FRAMING.frame(Packet(message.id, _CODES[type(message)], data))
@@ -191,7 +230,7 @@ def parse_instruction(packet: Packet) -> Instruction:
     """Read an instruction packet. Raises ValueError for an undefined instruction or a wrong length."""
     data = packet.data
     try:
-        code = Code(packet.code)
+        code = Code.SYNC_READ if packet.code == SYNC_READ_OF_OTHERS else Code(packet.code)
     except ValueError:
         raise ValueError(f"undefined instruction {packet.code:#04x}") from None
     if code in _SIMPLE and not data:
@@ -205,6 +244,10 @@ def parse_instruction(packet: Packet) -> Instruction:
         if (len(data) - 2) % step == 0:
             parts = tuple((data[i], data[i + 1 : i + step]) for i in range(2, len(data), step))
             return SyncWrite(data[0], data[1], parts, packet.id)
+    if code is Code.SYNC_READ and len(data) > 2 and data[1]:
+        return SyncRead(data[0], data[1], tuple(data[2:]), packet.id)
+    if code is Code.BULK_READ and len(data) > 1 and len(data) % 3 == 1:
+        return BulkRead(tuple(ReadData(data[i + 1], data[i + 2], data[i]) for i in range(1, len(data), 3)), packet.id)
     raise ValueError(f"{code.name} with {len(data)} parameter bytes")
 
 

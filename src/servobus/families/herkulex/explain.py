@@ -1,5 +1,6 @@
 """HerkuleX packets in words. Packets and their sources: servobus.families.herkulex.protocol."""
 
+from servobus.core.framing import Packet
 from servobus.core.units import Quantity, show
 from servobus.families.base import Model
 from servobus.families.explain import addressed, servo, show_bytes, show_span, show_values
@@ -22,7 +23,8 @@ from servobus.families.herkulex.protocol import (
 )
 
 
-def say_request(message: Request, code: Code, model: type[Model] | None) -> str:
+def say_request(message: Request, packet: Packet, model: type[Model] | None) -> str:
+    code = Code(packet.code)
     head = f"{code.name} {addressed(message.id)}"
     match message:
         case EepRead(_, address, length) | RamRead(_, address, length):
@@ -30,14 +32,26 @@ def say_request(message: Request, code: Code, model: type[Model] | None) -> str:
         case EepWrite(_, address, data) | RamWrite(_, address, data):
             return f"{head}: {show_values(model, _map(code), address, data)}"
         case IJog(_, jogs):
-            each = (_say_jog(jog, f"playtime {show(jog.playtime * TICK, 's')}", model=model) for jog in jogs)
+            each = (
+                _say_jog(jog, f"playtime {show(jog.playtime * TICK, 's')}", *surplus, model=model)
+                for jog, surplus in zip(jogs, _surplus(packet.data, 5), strict=True)
+            )
             return f"{head}: {', '.join(each)}"
         case SJog(_, playtime, jogs):
-            each = (_say_jog(jog, model=model) for jog in jogs)
+            each = (
+                _say_jog(jog, *surplus, model=model)
+                for jog, surplus in zip(jogs, _surplus(packet.data[1:], 4), strict=True)
+            )
             return f"{head}, playtime {show(playtime * TICK, 's')}: {', '.join(each)}"
         case Rollback(_, keep):
             return f"{head}, keeping {show_flags(keep).replace('+', ' and ') if keep else 'nothing'}"
     return head
+
+
+def _surplus(data: bytes, size: int) -> list[list[str]]:
+    """Name the reserved bits that are set in each entry: bit 15 of the value and bit 7 of SET."""
+    entries = (data[at : at + size] for at in range(0, len(data), size))
+    return [["a reserved bit set, which servos ignore"] if (one[1] | one[2]) & 0x80 else [] for one in entries]
 
 
 def _say_jog(jog: Jog, *details: str, model: type[Model] | None) -> str:

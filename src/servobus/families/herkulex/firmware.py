@@ -54,6 +54,7 @@ from servobus.families.herkulex.protocol import (
     encode,
     parse_request,
 )
+from servobus.virtual.device.options import ON_OFF, OneOf, Option, Span
 from servobus.virtual.device.servo import Replies, VirtualServo
 from servobus.virtual.physics.trajectory import GoalTrajectory, Profile, Ramp, StepCounter, StopDetection, ramp_time
 
@@ -65,10 +66,6 @@ LOOPS = 4
 """Control loops in one unit of 11.2 ms; assumption: a loop of 2.8 ms is fast enough for the factory gains."""
 WARMING = 36
 """Loops in which a standing shaft is left alone while it gets warmer or colder: 0.1 s."""
-DELAY = 0.5e-3
-"""s until an answer starts; assumption: users report 2 to 3 ms for a request and its ACK at 115200 baud."""
-BOOT = 0.25
-"""s for which REBOOT leaves the servo deaf; assumption: users report that it takes time, not how long."""
 BLINK = 0.25
 """s; assumption: how long the light is on at power-on (3-3 only says that it blinks once)."""
 
@@ -95,6 +92,36 @@ class HerkulexServo(VirtualServo):
     """
 
     tick = TICK / LOOPS
+
+    goal_after_limp = Option(
+        OneOf(("present", "kept")), practice="present", manual="present", decision="EH-43",
+        text="what the goal is when the torque comes on in position control: where the shaft is, or the last goal",
+    )  # fmt: skip
+    position_flags = Option(
+        ON_OFF, practice=False, manual=False, decision="EH-44",
+        text="whether position words carry a flag in the bit above the position",
+    )  # fmt: skip
+    brake_jog = Option(
+        ON_OFF, practice=False, manual=False, decision="EH-15",
+        text="whether a JOG moves a servo that is braked: it switches the torque on",
+    )  # fmt: skip
+    overload_step = Option(
+        OneOf(("4ms", "11.2ms")), practice="4ms", manual="4ms", decision="EH-08",
+        text="what one step of Overload Detection Period is",
+    )  # fmt: skip
+    goal_limits = Option(
+        OneOf(("calibrated", "absolute")), practice="calibrated", manual="calibrated", decision="EH-36",
+        text="which goal is compared to the position limits: the one in the JOG, or that with Calibration Difference",
+    )  # fmt: skip
+    turn_playtime = Option(
+        OneOf(("ramp", "ignored")), practice="ramp", manual="ramp", decision="EH-40",
+        text="what playtime does in infinite turn: it sets the length of the ramp to the new speed, or nothing",
+    )  # fmt: skip
+    answer_time = VirtualServo.answer_time.but(
+        practice=Span(0.0005, 0.0005), manual=Span(0.0005, 0.0005), decision="EH-45"
+    )
+    eeprom_pause = VirtualServo.eeprom_pause.but(decision="EH-46")
+    boot_time = VirtualServo.boot_time.but(practice=Span(0.25, 0.45), manual=Span(0.25, 0.25), decision="EH-47")
 
     # Life
 
@@ -180,10 +207,9 @@ class HerkulexServo(VirtualServo):
         if self._answers(request):
             self._sense()
             status = StatusError(self.get("status_error")), StatusDetail(self.get("status_detail"))
-            replies = [(DELAY, encode(Ack(id, Code(event.code), data, *status)))]
+            replies = [(0.0, encode(Ack(id, Code(event.code), data, *status)))]
         if isinstance(request, Reboot):
-            self.power_on(now)
-            self.deaf_until = now + BOOT
+            self.restart(now)
         return replies
 
     def _answers(self, request: Request) -> bool:
@@ -263,6 +289,8 @@ class HerkulexServo(VirtualServo):
         volts, celsius, overload = self._watches.values()
         volts.limit = celsius.limit = self.get("adc_fault_check_period") * LOOPS
         period = self._value("overload_detection_period")
+        if self.overload_step == "11.2ms":
+            period = self.get("overload_detection_period") * TICK
         overload.limit = int(period / self.tick + 1e-6)
         # Without a period there is no output that would be too high (H-64).
         self._too_high = self.get("overload_pwm_threshold") if period else self._full
@@ -292,8 +320,9 @@ class HerkulexServo(VirtualServo):
         self._measured("voltage", self.voltage)
         self._measured("temperature", self.temperature)
         self.put("tick", self._loops // LOOPS & 0xFF)
-        self.put("absolute_position", absolute)
-        self.put("calibrated_position", (absolute - self.get("calibration_difference")) % self._steps)
+        flags = self.row("absolute_position").layout.flags if self.position_flags else 0
+        self.put("absolute_position", absolute | flags)
+        self.put("calibrated_position", (absolute - self.get("calibration_difference")) % self._steps | flags)
         self._measured("differential_position", self._meter.way * self._slowest)
         self.put("pwm", self._pwm)
         self._measured("absolute_2nd_position", self._potentiometer)
@@ -320,7 +349,11 @@ class HerkulexServo(VirtualServo):
         if driven and not self._driven:
             self.shaft.brake()  # until the next loop
             if self.get("current_control_mode") == ControlMode.POSITION:
+                goal = self._goal
                 self._hold()
+                if self.goal_after_limp == "kept":
+                    self._goal = goal
+                    self._begin(Profile(self.shaft.position, goal))
             else:
                 self._begin(Ramp())  # assumption: it waits for a JOG that says how fast
         if not driven:
@@ -377,6 +410,8 @@ class HerkulexServo(VirtualServo):
             jog, playtime = own[-1]
             self.put("led_control", jog.led)
             self.put("current_control_mode", jog.mode)
+            if self.brake_jog and self.get("torque_control") == TorqueControl.BRAKE:
+                self._switch(TorqueControl.ON)
             if self._driven:  # EH-15, EH-16: otherwise nothing more happens
                 (self._go if jog.mode is ControlMode.POSITION else self._turn)(jog, playtime * TICK)
 
@@ -388,7 +423,8 @@ class HerkulexServo(VirtualServo):
         if jog.stop:
             return
         # The number asked for is what is compared, not the absolute goal (EH-36).
-        value = max(self.get("min_position"), min(jog.value, self.get("max_position")))
+        shift = self.get("calibration_difference") if self.goal_limits == "absolute" else 0
+        value = max(self.get("min_position") - shift, min(jog.value, self.get("max_position") - shift))
         if value != jog.value:
             self._fault(StatusError.POSITION_LIMIT)
             if not self._driven:
@@ -401,7 +437,8 @@ class HerkulexServo(VirtualServo):
         """Change the speed; the playtime sets how long that takes (assumption EH-40)."""
         before = 0.0 if jog.no_override else self._speed
         after = self.model.turn_scale.decode(jog.value)
-        self._begin(Ramp() if jog.stop else Ramp(before, after, self._ramp_time(duration)))
+        ramp = self._ramp_time(duration if self.turn_playtime == "ramp" else 0.0)
+        self._begin(Ramp() if jog.stop else Ramp(before, after, ramp))
 
     @property
     def _speed(self) -> float:

@@ -52,10 +52,12 @@ from servobus.families.herkulex.protocol import (
     Code,
     ControlMode,
     EepRead,
+    IJog,
     Jog,
     Keep,
     Led,
     RamRead,
+    SJog,
     Stat,
     StatusDetail,
     StatusError,
@@ -416,9 +418,25 @@ class Herkulex(Family):
         try:
             if packet.code & ACK:
                 return say_ack(parse_ack(packet), model)
-            return say_request(parse_request(packet), Code(packet.code), model)
+            return say_request(parse_request(packet), packet, model)
         except ValueError as error:
             return f"{error}, {addressed(packet.id)}"
+
+    def concerns(self, packet: Packet) -> tuple[int, ...]:
+        try:
+            message = parse_request(packet)
+        except ValueError:
+            return (packet.id,)
+        return tuple(jog.id for jog in message.jogs) if isinstance(message, IJog | SJog) else (packet.id,)
+
+    def told_number(self, packet: Packet, request: Packet) -> int | None:  # noqa: ARG002 - the ACK repeats the address
+        """The model number is at EEP 0 and 1 of all models, its upper two digits first (4-2 NO 1, 2)."""
+        try:
+            ack = parse_ack(packet)
+        except ValueError:
+            return None
+        whole = ack.code is Code.EEP_READ and len(ack.data) >= 4 and len(ack.data) == ack.data[1] + 2
+        return ack.data[2] << 8 | ack.data[3] if whole and not ack.data[0] else None
 
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
         """STAT is answered under every ACK Policy and by all, the rest never if it is for all (4-2 NO 8)."""

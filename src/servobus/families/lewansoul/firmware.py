@@ -34,14 +34,14 @@ from servobus.families.lewansoul.protocol import (
     Command,
     Mode,
     Request,
+    encode,
     length_of,
     parse_request,
 )
+from servobus.virtual.device.options import ON_OFF, OneOf, Option, Span
 from servobus.virtual.device.servo import Replies, VirtualServo
 
 TURN = 2 * math.pi
-DELAY = 0.0005
-"""s from a question to its answer; assumption: the manual says "immediately", drivers wait 20 to 30 ms in all."""
 FLASH = 0.5
 """s; assumption: one on and off of a light that flashes."""
 BACK_TIME = 0.1
@@ -64,10 +64,39 @@ class LewansoulServo(VirtualServo):
     garbage_timeout = 0.1
     """Longest pause between two bytes of a packet, s; assumption (L-12)."""
 
-    answers_wait_read = True
-    """Whether command 8 is answered, as the manual has it; some LX-16A are said to stay silent (EL-04)."""
-    move_loads = False
-    """Whether a move switches the torque on; else it waits until the torque comes on (EL-08, L-69)."""
+    goal_torque = Option(
+        ON_OFF, practice=True, manual=False, decision="EL-08",
+        text="whether a move (command 1, or 7 and 11) and motor mode switch the torque on; else they wait until it is",
+    )  # fmt: skip
+    goal_after_limp = Option(
+        OneOf(("present", "kept")), practice="present", manual="present", decision="EL-22",
+        text="what it holds when the torque comes back, or motor mode ends: where the shaft is, or the last goal",
+    )  # fmt: skip
+    surplus = Option(
+        OneOf(("obeyed", "ignored")), practice="obeyed", manual="ignored", decision="EL-23",
+        text="what a command with more parameter bytes than it has is: obeyed without them, or ignored",
+    )  # fmt: skip
+    out_of_range = Option(
+        OneOf(("limited", "ignored")), practice="limited", manual="limited", decision="EL-15",
+        text="what a number outside its range does: the nearest one in the range counts, or the command is ignored",
+    )  # fmt: skip
+    wait_read = Option(
+        OneOf(("answered", "silent")), practice="answered", manual="answered", decision="EL-04",
+        text="whether command 8, the kept move, is answered",
+    )  # fmt: skip
+    voltage_recovery = Option(
+        ON_OFF, practice=True, manual=True, decision="EL-11",
+        text="whether the torque comes back by itself when the supply is inside its limits again",
+    )  # fmt: skip
+    mask_saved = Option(
+        ON_OFF, practice=True, manual=True, decision="EL-13",
+        text="whether the alarm mask of command 35 survives power-off",
+    )  # fmt: skip
+    answer_time = VirtualServo.answer_time.but(
+        practice=Span(0.002, 0.003), manual=Span(0.0005, 0.0005), decision="EL-24"
+    )
+    eeprom_pause = VirtualServo.eeprom_pause.but(decision="EL-25")
+    boot_time = VirtualServo.boot_time.but(decision="EL-26")
     sensor = -190, 1194
     """Lowest and highest angle that the sensor tells, in position units; what lies between them on the other
     side reads as the nearer end. Measured by users: the manual only says that readings may be negative."""
@@ -96,6 +125,9 @@ class LewansoulServo(VirtualServo):
         self._calm: tuple[float, float, float] | None = None
         self._patience = round(LOCKED_TIME / self.tick)
         self._orders = False, 0.0
+        if not self.mask_saved:
+            mask = self.row("led_error")
+            self.memory.store(mask, mask.default or 0)
         # L-20: until a move is given, present position and time 0 stand in its place.
         self._ungiven = {"goal_position", "wait_goal_position"}
         self._faults = Alarm(0)
@@ -116,9 +148,11 @@ class LewansoulServo(VirtualServo):
         if isinstance(event, Corrupt):
             return []  # L-10
         try:
-            request = _parse(event)
+            request = _parse(_without_surplus(event) if self.surplus == "obeyed" else event)
         except ValueError:
             return []  # L-10
+        if self.out_of_range == "ignored" and not self._in_range(request):
+            return []
         command = request.command
         if not command.reply:
             self._obey(request)
@@ -128,9 +162,9 @@ class LewansoulServo(VirtualServo):
             return []
         if request.id == BROADCAST and command is not Command.SERVO_ID_READ:
             return []  # L-5
-        if command is Command.SERVO_MOVE_TIME_WAIT_READ and not self.answers_wait_read:
+        if command is Command.SERVO_MOVE_TIME_WAIT_READ and self.wait_read == "silent":
             return []
-        return [(DELAY, FRAMING.frame(Packet(self.id, command, self._answer(command))))]
+        return [(0.0, FRAMING.frame(Packet(self.id, command, self._answer(command))))]
 
     def _answer(self, command: Command) -> bytes:
         self._sense()
@@ -202,9 +236,21 @@ class LewansoulServo(VirtualServo):
             self._set(lower, low)
             self._set(upper, high)
 
+    def _in_range(self, request: Request) -> bool:
+        """Tell whether the registers that a command sets accept its numbers."""
+        numbers = encode(request)[5:-1]
+        places = [(row, row.place) for row in self.model.registers.values() if isinstance(row.place, Pair)]
+        return all(
+            row.accepts(row.layout.unpack(numbers[place.at : place.at + row.layout.size]))
+            for row, place in places
+            if place.write == request.command
+        )
+
     def _set_mode(self, mode: Mode, speed: int) -> None:
         if mode == Mode.MOTOR:
             self._late = None  # what comes back to position mode holds where it is (L-63)
+            if speed and self.goal_torque:
+                self.put("torque_enable", 1)
         self._set("mode", mode)
         self._set("motor_speed", speed if mode == Mode.MOTOR else 0)  # L-62
 
@@ -254,6 +300,8 @@ class LewansoulServo(VirtualServo):
             faults |= Alarm.OVER_TEMPERATURE
         if faults != self._faults:
             self._faults = faults
+            if Alarm.OVER_VOLTAGE in faults and not self.voltage_recovery:
+                self.put("torque_enable", 0)
             self._hold()
             self._look()
 
@@ -367,7 +415,7 @@ class LewansoulServo(VirtualServo):
         follower = self._follower
         if self.turning:
             return  # L-64
-        if self.move_loads:
+        if self.goal_torque:
             self.put("torque_enable", 1)
         if follower.target is None:
             self._late = goal, time
@@ -402,3 +450,14 @@ class LewansoulServo(VirtualServo):
             if self._late is not None:  # L-69
                 late, self._late = self._late, None
                 self._move(*late)
+            elif self.goal_after_limp == "kept" and "goal_position" not in self._ungiven:
+                self._move(self.get("goal_position"), 0)
+
+
+def _without_surplus(packet: Packet) -> Packet:
+    """Give a packet without the parameter bytes that its command does not have (EL-23)."""
+    try:
+        size = length_of(Command(packet.code).params)
+    except ValueError:
+        return packet
+    return packet if len(packet.data) <= size else Packet(packet.id, packet.code, packet.data[:size], packet.end)

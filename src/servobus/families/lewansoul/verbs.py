@@ -62,6 +62,8 @@ class Lewansoul(Family):
     name = "lewansoul"
     title = "LewanSoul bus servo protocol"
     framing = FRAMING
+    one_table = True  # the protocol document defines what its commands carry, and names no model
+    torque_returns = True  # point 16
     needs = ("goal_time", "led", "mode", "motor_speed")
 
     def ping(self, id: int) -> Exchange[None]:

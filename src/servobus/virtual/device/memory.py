@@ -9,6 +9,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from servobus.core.ids import check_id
 from servobus.core.registers import Access, Area, Location, Register
 from servobus.errors import BadValue
 from servobus.families.model import Model
@@ -30,6 +31,8 @@ class Memory:
 
     def __init__(self, model: type[Model]) -> None:
         self.model = model
+        self.bytes_stored = 0
+        """Bytes that were written to the EEPROM since this memory was made, changed or not."""
         self.on_store: Callable[[], None] = _nothing
         self.eeprom = Stored(self)
         self._slots = {row: _slots(row) for row in model.registers.values()}
@@ -64,7 +67,22 @@ class Memory:
     def store(self, register: Register[Any], raw: int) -> None:
         """Set the working and the stored value."""
         self.eeprom[register] = raw
-        self[register] = raw
+        slots = self._slots[self.own(register)]
+        if slots.working != slots.stored:
+            self[register] = raw
+
+    def hold(self, values: Mapping[str, int]) -> None:
+        """Let registers of the EEPROM hold these raw values by name, as if they always had.
+
+        Limits do not count: real servos hold values that no host could write. Raises UnknownName or BadValue, and then
+        nothing has changed.
+        """
+        rows = {self.model.register(name): raw for name, raw in values.items()}
+        for row, raw in rows.items():
+            self._stored_slot(row)
+            _check_fits(row, raw)
+        for row, raw in rows.items():
+            self.store(row, raw)
 
     # By address
 
@@ -81,6 +99,7 @@ class Memory:
         bytes_there = self._spaces[space]
         changed = [i for i, byte in enumerate(data, address) if bytes_there[i] != byte]
         bytes_there[address : address + len(data)] = data
+        self.bytes_stored += sum((space, i) in self._persistent for i in range(address, address + len(data)))
         if any((space, i) in self._persistent for i in changed):
             self.on_store()
 
@@ -116,9 +135,7 @@ class Memory:
         for name, raw in values.items():
             if name not in rows:
                 raise BadValue(f"{self.model.title} stores no register {name!r}")
-            if not isinstance(raw, int):
-                raise BadValue(f"{self.model.title} {name}: {raw!r} is not a whole number")
-            rows[name].check(raw)
+            _check_fits(rows[name], raw)
         for name, raw in values.items():
             self.eeprom[rows[name]] = raw
 
@@ -158,6 +175,18 @@ class Stored:
 def _slots(row: Register[Any]) -> Slots:
     locations = row.place.locations
     return Slots(locations[0], locations[-1] if row.area is Area.EEPROM else None)
+
+
+def _check_fits(row: Register[Any], raw: object) -> None:
+    """Raise BadValue unless a register has room for a raw value."""
+    if not isinstance(raw, int) or isinstance(raw, bool):
+        raise BadValue(f"{row.model} {row.name}: {raw!r} is not a whole number")
+    try:
+        row.layout.pack(raw)
+    except OverflowError:
+        raise BadValue(f"{row.model} {row.name}: {raw} does not fit into its {8 * row.layout.size} bits") from None
+    if row.name == "id":
+        check_id(raw)
 
 
 def _nothing() -> None:

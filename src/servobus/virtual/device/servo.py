@@ -9,7 +9,9 @@ anything is observed or heard, and as often or as rarely as pleases; the firmwar
 """
 
 import math
+import random
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from enum import IntFlag
 from typing import Any, ClassVar, TypeAlias
 
@@ -20,6 +22,7 @@ from servobus.errors import BadValue, UnknownName, UsageError
 from servobus.families.model import Model
 from servobus.virtual.device.memory import Memory
 from servobus.virtual.device.motors import motor
+from servobus.virtual.device.options import NO_TIME, Option, Reading, Span, Times, defaults, read_options
 from servobus.virtual.device.references import resolve
 from servobus.virtual.physics.motor import no_load_speed
 from servobus.virtual.physics.shaft import Rail, Shaft
@@ -27,6 +30,8 @@ from servobus.virtual.physics.shaft import Rail, Shaft
 Replies: TypeAlias = list[tuple[float, bytes]]
 """What a servo sends: (seconds after the last bit of what it heard, bytes)."""
 
+BITS = 10
+"""Of a byte on the wire, start and stop bit included."""
 ROOM_TEMPERATURE = 25.0
 """degC; assumption, where nothing else is said."""
 
@@ -41,6 +46,19 @@ class VirtualServo(ABC):
     garbage_timeout  longest pause inside a packet, s
     deaf_until       time before which it hears nothing, because it restarts
     """
+
+    answer_time = Option(
+        Times(), practice=NO_TIME, manual=NO_TIME,
+        text="how much later than its settings ask for an answer begins; another time for each answer",
+    )  # fmt: skip
+    eeprom_pause = Option(
+        Times(usual=Span(0.005, 0.007)), practice=NO_TIME, manual=NO_TIME,
+        text="how long it hears nothing after its answer, for each byte written to its EEPROM",
+    )  # fmt: skip
+    boot_time = Option(
+        Times(), practice=NO_TIME, manual=NO_TIME,
+        text="how long it hears nothing after its supply comes back, or after it was told to restart",
+    )  # fmt: skip
 
     tick: ClassVar[float]
     """Seconds between two runs of the control loop."""
@@ -57,6 +75,9 @@ class VirtualServo(ABC):
         temperature: float = ROOM_TEMPERATURE,
         position: float | None = None,
         motor_set: str | None = None,
+        reading: Reading = "practice",
+        options: Mapping[str, Any] | None = None,
+        memory: Mapping[str, int] | None = None,
         now: float = 0.0,
     ) -> None:
         """Take a servo out of its box, give it an id, and switch it on.
@@ -66,12 +87,22 @@ class VirtualServo(ABC):
         temperature  of the case, degC
         position     of the shaft, rad; `home` by default
         motor_set    name of a set of motor data, see `Model.motors`; the first by default
+        reading      "practice" or "manual": what its options are at first, see servobus.virtual.device.options
+        options      options with other values: name -> value, or the word for it
+        memory       what registers of its EEPROM hold: name -> raw value. It need not be one that a host could write:
+                     real servos hold such values too
+
+        Raises BadValue or UsageError for what it cannot have.
         """
+        self.options = defaults(type(self), model, reading)
+        """Name of an option -> its value. Set one as an attribute: `servo.goal_torque = False`."""
+        self.options |= read_options(type(self), model, options or {})
         low, high = model.sheet.voltage
         self.model = model
         self.memory = Memory(model)
         if id is not None:
             self.memory.store(model.register("id"), check_id(id))
+        self.memory.hold(memory or {})
         supply = voltage if voltage is not None else model.sheet.nominal_voltage or (low + high) / 2
         start = self.home if position is None else position
         self.shaft = Shaft(motor(model, motor_set), start, self.tick, Rail(supply))
@@ -80,6 +111,8 @@ class VirtualServo(ABC):
         self.powered = False
         self.time = now
         """Time up to which everything has happened."""
+        self._dice = random.Random(self.memory[model.register("id")])
+        """For all that is another time on each occasion: the same servo throws the same every time."""
         try:
             self.power_on(now)
         except UnknownName as error:
@@ -140,6 +173,12 @@ class VirtualServo(ABC):
         self.memory.power_on()
         self.start()
 
+    def restart(self, now: float) -> None:
+        """Switch the supply on, or do what a servo does that was told to restart: it needs time until it hears."""
+        self.power_on(now)
+        if self.boot_time != NO_TIME:
+            self.deaf_until = now + self._throw(self.boot_time)
+
     def power_off(self) -> None:
         """Switch the supply off: the shaft is free, the RAM is lost, the EEPROM is not."""
         self.powered = False
@@ -157,6 +196,26 @@ class VirtualServo(ABC):
             if ticks > 0:
                 self._ticks += ticks
                 self.control(ticks)
+
+    # Packets
+
+    def answer(self, event: Packet | Corrupt, now: float) -> Replies:
+        """Act on a packet as `hear` does, in the time that this servo takes for it."""
+        written = self.memory.bytes_stored
+        replies = self.hear(event, now)
+        if self.answer_time != NO_TIME:
+            replies = [(delay + self._throw(self.answer_time), data) for delay, data in replies]
+        if self.memory.bytes_stored != written and self.eeprom_pause != NO_TIME:
+            pause = sum(self._throw(self.eeprom_pause) for _ in range(self.memory.bytes_stored - written))
+            self.deaf_until = max(self.deaf_until, self._sent_at(replies, now) + pause)
+        return replies
+
+    def _sent_at(self, replies: Replies, now: float) -> float:
+        """Give the time at which these replies will have been sent."""
+        return max((now + delay + len(data) * BITS / self.baud for delay, data in replies), default=now)
+
+    def _throw(self, span: Span) -> float:
+        return span.low if span.low == span.high else self._dice.uniform(*span)
 
     # Surroundings
 
@@ -232,11 +291,25 @@ def virtual_servo(
     temperature: float = ROOM_TEMPERATURE,
     position: float | None = None,
     motor_set: str | None = None,
+    reading: Reading = "practice",
+    options: Mapping[str, Any] | None = None,
+    memory: Mapping[str, int] | None = None,
     now: float = 0.0,
 ) -> VirtualServo:
     """Make a virtual servo of any model; see `VirtualServo` for the arguments."""
     kind = firmware(model)
-    return kind(model, id, voltage=voltage, temperature=temperature, position=position, motor_set=motor_set, now=now)
+    return kind(
+        model,
+        id,
+        voltage=voltage,
+        temperature=temperature,
+        position=position,
+        motor_set=motor_set,
+        reading=reading,
+        options=options,
+        memory=memory,
+        now=now,
+    )
 
 
 def firmware(model: type[Model]) -> type[VirtualServo]:

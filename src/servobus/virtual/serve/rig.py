@@ -118,11 +118,22 @@ class Rig:
 def build_rig(setup: Setup) -> Rig:
     """Make the servos that a setup names, at time 0. Raises UsageError."""
     temperature = ROOM_TEMPERATURE if setup.temperature is None else setup.temperature
-    servos = [
-        virtual_servo(model, id, voltage=setup.voltage, temperature=temperature, motor_set=setup.motor)
-        for model, ids in setup.servos
-        for id in ids
-    ]
+    servos = []
+    for group in setup.servos:
+        options, memory = setup.settings(group)
+        servos += [
+            virtual_servo(
+                group.model,
+                id,
+                voltage=setup.voltage,
+                temperature=temperature,
+                motor_set=setup.motor,
+                reading=setup.reading,
+                options=options,
+                memory=memory,
+            )
+            for id in group.ids
+        ]
     if setup.state is not None:
         StateFile(setup.state, servos)
     families: dict[str, list[VirtualServo]] = {}

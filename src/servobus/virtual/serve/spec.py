@@ -2,15 +2,18 @@
 
 rx28@1                       one RX-28 with id 1
 rx28@1-4,7,lx16a@2           five RX-28 and an LX-16A
+rx28@1-4,goal_torque=off     four RX-28 with an option of their firmware
 virtual:rx28@1?voltage=12    a port of this process, with options
 mass=0.2,length=0.1          a load: an arm of 10 cm with 200 g at its end
 """
 
 import math
 import re
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple, TypeAlias
 from urllib.parse import parse_qsl
 
 from servobus.core.ids import parse_range
@@ -18,12 +21,25 @@ from servobus.core.units import Switch, parse
 from servobus.errors import BadValue, UsageError
 from servobus.families import registry
 from servobus.families.base import Model
+from servobus.virtual.device.options import READINGS, Reading, options_of, read_options, suggestion
+from servobus.virtual.device.servo import firmware
 from servobus.virtual.physics.motor import NOTHING, Load
 from servobus.virtual.wire.adapter import WHOLE, Adapter
 from servobus.virtual.wire.faults import NO_FAULTS, Faults
 
-Servos: TypeAlias = list[tuple[type[Model], list[int]]]
-"""Models in the order they are named, each with its ids."""
+NO_OPTIONS: Mapping[str, str] = MappingProxyType({})
+
+
+class Group(NamedTuple):
+    """Servos of one model: their ids, and what is said of them, as it was typed."""
+
+    model: type[Model]
+    ids: list[int]
+    options: Mapping[str, str] = NO_OPTIONS
+
+
+Servos: TypeAlias = list[Group]
+"""Groups of servos in the order they are named."""
 
 PREFIX = "virtual:"
 EXAMPLE = "rx28@1-4,7,lx16a@2"
@@ -56,8 +72,10 @@ class Setup:
     load         what hangs on every shaft at the start
     adapter      in which pieces the client gets what it receives
     faults       what goes wrong between the servos and the client
+    reading      whether servos do what is known from practice, or what their manuals say, where the two differ
+    options      options for all servos that have them, and raw values that registers hold: name -> value as typed
 
-    Raises BadValue for a supply or a temperature that makes no sense.
+    Raises BadValue for a value that makes no sense, UsageError for an option that no servo has.
     """
 
     servos: Servos
@@ -72,14 +90,60 @@ class Setup:
     load: Load = NOTHING
     adapter: Adapter = WHOLE
     faults: Faults = NO_FAULTS
+    reading: Reading = "practice"
+    options: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if self.reading not in READINGS:
+            raise BadValue(f"{self.reading!r} is no reading of the manuals: there are {', '.join(READINGS)}")
+        models = dict.fromkeys(group.model for group in self.servos)
+        for name in self.options:
+            if not any(_has(model, name) for model in models):
+                raise UsageError(_unknown(name, list(models)))
+        for group in self.servos:
+            self.settings(group)
         if self.voltage is not None:
             check_voltage(self.voltage)
         if self.temperature is not None:
             check_temperature(self.temperature)
         if self.supply_resistance is not None and not 0 <= self.supply_resistance <= HIGHEST_RESISTANCE:
             raise BadValue(f"supply resistance {self.supply_resistance:g} ohm is not in 0 .. {HIGHEST_RESISTANCE:g}")
+
+    def settings(self, group: Group) -> tuple[dict[str, Any], dict[str, int]]:
+        """Give the options of a group, and what registers hold, by name. Raises BadValue or UsageError."""
+        model = group.model
+        said = {name: word for name, word in self.options.items() if _has(model, name)} | dict(group.options)
+        known = options_of(firmware(model))
+        for name in said:
+            if not _has(model, name):
+                raise UsageError(_unknown(name, [model]))
+        options = read_options(firmware(model), model, {name: word for name, word in said.items() if name in known})
+        return options, {name: _raw(model, name, word) for name, word in said.items() if name not in known}
+
+
+def _has(model: type[Model], name: str) -> bool:
+    """Tell whether a model has an option of this name, or a register that can hold a value."""
+    return name in options_of(firmware(model)) or name in model.registers or name in model.aliases
+
+
+def _unknown(name: str, models: list[type[Model]]) -> str:
+    has = "; ".join(f"{model.title}: {suggestion(name, options_of(firmware(model)))}" for model in models)
+    said = f"{models[0].title} has no option" if len(models) == 1 else "no servo here has an option"
+    return f"{said} {name!r}. {has}"
+
+
+def _raw(model: type[Model], name: str, word: str) -> int:
+    """Read what a register holds: a raw number, or a value with its unit."""
+    row = model.register(name)
+    try:
+        return int(word, 0)
+    except ValueError:
+        pass
+    try:
+        raw: int = row.scale.encode(row.scale.parse(word))
+    except ValueError as error:
+        raise BadValue(f"{model.title}: {name}={word}: {error}") from None
+    return raw
 
 
 def check_voltage(volts: float) -> float:
@@ -98,33 +162,56 @@ def check_temperature(celsius: float) -> float:
 
 
 def parse_specs(text: str) -> Servos:
-    """Read "rx28@1-4,7,lx16a@2". Raises UnknownName for a model that is not known, else UsageError."""
+    """Read "rx28@1-4,7,lx16a@2,surplus=ignored". An option belongs to the servos of the last model in front of it.
+
+    Raises UnknownName for a model that is not known, else UsageError.
+    """
     servos: Servos = []
     for part in text.replace(" ", "").split(","):
+        option, equals, value = part.partition("=")
         name, at, ids = part.rpartition("@")
-        if at:
-            servos.append((registry.model(name), []))
+        if at and not equals:
+            servos.append(Group(registry.model(name), []))
         if not servos:
             raise UsageError(f"{text!r} names no servos; write MODEL@IDS, such as {EXAMPLE}")
-        servos[-1][1].extend(parse_range(ids, text))
+        last = servos[-1]
+        if equals:
+            servos[-1] = last._replace(options={**last.options, option: value})
+        else:
+            last.ids.extend(parse_range(ids, text))
     return servos
 
 
 def parse_url(text: str) -> Setup:
     """Read "virtual:rx28@1-4?clock=virtual&voltage=12". Raises UsageError."""
     specs, _, query = text.removeprefix(PREFIX).partition("?")
-    options: dict[str, Any] = {}
+    surroundings: dict[str, Any] = {}
+    options: dict[str, str] = {}
     for name, value in parse_qsl(query, keep_blank_values=True):
+        if name not in SURROUNDINGS:
+            options[name] = value
+            continue
         try:
-            options[name] = _option(name, value)
+            surroundings[SURROUNDINGS[name]] = _surrounding(name, value)
         except UsageError:
             raise
         except ValueError as error:
             raise BadValue(f"{text!r}: {name}: {error}") from None
-    return Setup(parse_specs(specs), **options)
+    try:
+        return Setup(parse_specs(specs), options=options, **surroundings)
+    except UsageError as error:
+        if not options:
+            raise
+        raise type(error)(f"{error}. Of the port itself there are {', '.join(SURROUNDINGS)}") from None
 
 
-def _option(name: str, value: str) -> object:
+SURROUNDINGS = {one.name: one.name for one in fields(Setup) if one.name not in ("servos", "reading", "options")} | {
+    "as": "reading"
+}
+"""What a URL says of all servos and of the port: its name there -> that of the field of `Setup`."""
+
+
+def _surrounding(name: str, value: str) -> object:
     match name:
         case "clock":
             if value not in ("real", "virtual"):
@@ -138,10 +225,10 @@ def _option(name: str, value: str) -> object:
             return parse(value, "V")
         case "temperature":
             return parse(value, "degC")
-        case "state" if value:
+        case "state" | "motor" if not value:
+            raise ValueError("this says nothing")
+        case "state":
             return Path(value)
-        case "motor" if value:
-            return value
         case "supply_resistance":
             return parse(value, "ohm")
         case "load":
@@ -150,10 +237,7 @@ def _option(name: str, value: str) -> object:
             return Adapter.parse(value)
         case "faults":
             return Faults.parse(value)
-    raise UsageError(
-        f"{name}={value}: options are clock, echo, baud, voltage, temperature, state=FILE, motor=NAME, "
-        "supply_resistance, load, adapter and faults"
-    )
+    return value
 
 
 def parse_load(text: str, base: Load = NOTHING) -> Load:

@@ -184,7 +184,7 @@ class VirtualLine:
         """Give servos their supply again."""
         self._live(now)
         for servo in servos:
-            servo.power_on(now)
+            servo.restart(now)
             self._busy.pop(servo, None)
             self._place(servo)
 
@@ -269,7 +269,7 @@ class VirtualLine:
                 continue
             baud = self._speed(servo)  # a new speed acts after the reply
             servo.advance(time)
-            for delay, data in servo.hear(event, time):
+            for delay, data in servo.answer(event, time):
                 self._reply(servo, baud, time + delay, data)
             self._place(servo)
 

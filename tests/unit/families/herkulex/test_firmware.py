@@ -9,7 +9,7 @@ import servobus
 from servobus.core.framing import Decoder
 from servobus.core.units import deg
 from servobus.errors import Refused, UsageError
-from servobus.families.herkulex.firmware import BOOT, HerkulexServo
+from servobus.families.herkulex.firmware import HerkulexServo
 from servobus.families.herkulex.places import RAM
 from servobus.families.herkulex.protocol import (
     FRAMING,
@@ -27,6 +27,7 @@ from servobus.families.herkulex.protocol import (
     encode,
 )
 from servobus.families.registry import DRS0602
+from servobus.virtual.device.options import Span
 from servobus.virtual.device.servo import virtual_servo
 from servobus.virtual.serve.inprocess import VirtualPort
 
@@ -72,13 +73,14 @@ def turn(servo: HerkulexServo, now: float, value: int, playtime: int = 0, *, no_
 
 
 def test_the_driver_waits_for_the_restart() -> None:
-    assert BOOT < LONGEST_BOOT
+    assert HerkulexServo.boot_time.practice.high < LONGEST_BOOT
 
 
 def test_it_hears_nothing_while_it_starts() -> None:
     made = servo()
+    made.boot_time = Span(0.3, 0.3)
     say(made, Reboot(1), 1.0)
-    assert (made.started, made.deaf_until) == (1.0, 1.0 + BOOT)
+    assert (made.started, made.deaf_until) == (1.0, 1.3)
     made.power_off()
     assert made.led == "off"
     made.power_on(5.0)

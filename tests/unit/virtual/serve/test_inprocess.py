@@ -35,7 +35,7 @@ def test_virtual_time_is_deterministic_to_the_byte() -> None:
 
 
 def test_virtual_time_passes_only_while_one_waits() -> None:
-    port = connect("virtual:rx28@1?clock=virtual")
+    port = connect("virtual:rx28@1?clock=virtual&answer_time=off")
     assert (port.now(), port.blocking(), port.fileno()) == (0.0, False, None)
     port.write(PING)
     assert port.read(0) == b""

@@ -7,16 +7,16 @@ from servobus.core.ids import parse_ids
 from servobus.errors import BadValue, UnknownName, UsageError
 from servobus.families.registry import LX16A, RX28
 from servobus.virtual.physics.motor import Load
-from servobus.virtual.serve.spec import Setup, parse_load, parse_specs, parse_url
+from servobus.virtual.serve.spec import Group, Setup, parse_load, parse_specs, parse_url
 
 
 def test_models_with_ids_and_ranges() -> None:
-    assert parse_specs("rx28@1-4,7,lx16a@2") == [(RX28, [1, 2, 3, 4, 7]), (LX16A, [2])]
-    assert parse_specs(" RX-28@0, 253 ") == [(RX28, [0, 253])]
+    assert parse_specs("rx28@1-4,7,lx16a@2") == [Group(RX28, [1, 2, 3, 4, 7]), Group(LX16A, [2])]
+    assert parse_specs(" RX-28@0, 253 ") == [Group(RX28, [0, 253])]
 
 
 def test_an_id_may_be_named_twice() -> None:
-    assert parse_specs("rx28@1,1,rx28@1") == [(RX28, [1, 1]), (RX28, [1])]
+    assert parse_specs("rx28@1,1,rx28@1") == [Group(RX28, [1, 1]), Group(RX28, [1])]
 
 
 @pytest.mark.parametrize("text", ["", "rx28", "1,2", "rx28@", "rx28@1,", "rx28@x", "rx28@-1", "rx28@1-", "rx28@4-2"])
@@ -40,8 +40,8 @@ def test_unknown_model_is_told_with_the_nearest() -> None:
 
 def test_options() -> None:
     text = "virtual:rx28@1?clock=virtual&voltage=12&temperature=30&echo=1&baud=57600&state=a/b.json"
-    assert parse_url(text) == Setup([(RX28, [1])], "virtual", True, 57600, 12.0, 30.0, Path("a/b.json"))
-    assert parse_url("virtual:rx28@1") == Setup([(RX28, [1])])
+    assert parse_url(text) == Setup([Group(RX28, [1])], "virtual", True, 57600, 12.0, 30.0, Path("a/b.json"))
+    assert parse_url("virtual:rx28@1") == Setup([Group(RX28, [1])])
 
 
 @pytest.mark.parametrize("query", ["clock=fast", "echo=maybe", "baud=fast", "voltage=12A", "colour=red", "state="])
@@ -73,7 +73,7 @@ def test_surroundings_that_make_no_sense(query: str) -> None:
 @pytest.mark.parametrize("volts", [-0.1, 30.1, float("nan"), float("inf")])
 def test_no_supply_of_300_volts(volts: float) -> None:
     with pytest.raises(BadValue, match="voltage"):
-        Setup([(RX28, [1])], voltage=volts)
+        Setup([Group(RX28, [1])], voltage=volts)
 
 
 def test_loads_change_what_was_there() -> None:

@@ -47,7 +47,7 @@ def equip(rig: Rig) -> None:
 
 
 def port(faults: str | Faults | None = None, servos: str = "rx28@1", options: str = "") -> VirtualPort:
-    made = connect(f"virtual:{servos}?clock=virtual{options}")
+    made = connect(f"virtual:{servos}?clock=virtual&as=manual&boot_time=off{options}")
     equip(made.rig)
     made.inject(faults)
     return made
@@ -523,7 +523,7 @@ def alive(client: VirtualPort) -> list[int]:
 )
 @one_model_of_each_family
 def test_N17_without_faults_all_servos_are_plugged_in_again(key: str, faults: str) -> None:
-    client = connect(f"virtual:{key}@1-4?clock=virtual")
+    client = connect(f"virtual:{key}@1-4?clock=virtual&boot_time=off")
     framing = client.rig.lines[0].family
     client.inject(faults)
     client.write(framing.ping(1).request)

@@ -121,6 +121,7 @@ class LxTable(Model):
     # Other names for the same rows: the manual's word for torque, and the name other families have.
     load = torque_enable
     alarm_led = led_error
+    calibration = angle_offset
 
 
 class UnknownLx(LxTable):

@@ -1,0 +1,134 @@
+"""What stands before the bytes of a line: times, numbers, arrows, and words that say who sent them."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from servobus.traffic.recording import Direction
+
+OUT_WORDS = {
+    "tx", "out", "send", "sent", "sending", "snd", "write", "wrote", "written", "request", "req", "instruction", "inst",
+    "command", "cmd", "host", "pc", "master", "controller", "to", "query", "mosi",
+}  # fmt: skip
+IN_WORDS = {
+    "rx", "in", "recv", "receive", "received", "rcvd", "rcv", "read", "reply", "response", "resp", "answer", "answered",
+    "status", "servo", "slave", "device", "from", "got", "ack", "miso",
+}  # fmt: skip
+ARROWS = {
+    ">": Direction.OUT, "->": Direction.OUT, "-->": Direction.OUT, ">>": Direction.OUT, ">>>": Direction.OUT,
+    "=>": Direction.OUT, "==>": Direction.OUT, "→": Direction.OUT, "⇒": Direction.OUT,
+    "<": Direction.IN, "<-": Direction.IN, "<--": Direction.IN, "<<": Direction.IN, "<<<": Direction.IN,
+    "<=": Direction.IN, "<==": Direction.IN, "←": Direction.IN, "⇐": Direction.IN,
+}  # fmt: skip
+ARROW = "|".join(sorted(map(re.escape, ARROWS), key=len, reverse=True))
+CLOCK = r"(?:\d{4}-\d\d-\d\d[T ])?(\d{1,2}):(\d\d):(\d\d)(?:[.,](\d+))?(?:Z|[+-]\d\d:?\d\d)?"
+SECONDS = r"(\d+\.\d+)\s*(ms|us|µs|s)?"
+UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "s": 1.0, None: 1.0}
+DATE = r"\d{4}[-/]\d\d[-/]\d\d"
+NAME = r"[A-Za-z][A-Za-z0-9]*"
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """What a line says of its bytes: when, s, and which way they went. None where it does not say."""
+
+    time: float | None = None
+    direction: Direction | None = None
+
+
+def strip_label(line: str) -> tuple[Label, str]:
+    """Give what a line says of its bytes, and the rest of it."""
+    label, rest = Label(), line.strip()
+    while True:
+        step = _step(rest)
+        if step is None:
+            return label, rest
+        said, rest = step
+        label = replace(
+            label,
+            time=said.time if label.time is None else label.time,
+            direction=label.direction or said.direction,  # of several the first counts: it names who sends
+        )
+
+
+def without_numbers(lines: Sequence[str]) -> list[str]:
+    """Leave out the numbers of lines, 1: 2: 3: or 1) 2) 3), where they count up."""
+    filled = [n for n, line in enumerate(lines) if line.strip()]
+    found = [re.match(r"\s*(\d+)[:.)]\s+(?=\S)", lines[n]) for n in filled]
+    numbers = [int(one[1]) for one in found if one is not None]
+    if len(filled) < 2 or numbers != list(range(numbers[0] if numbers else 0, (numbers or [0])[0] + len(filled))):
+        return list(lines)
+    cut = {n: one.end() for n, one in zip(filled, found, strict=True) if one is not None}
+    return [line[cut.get(n, 0) :] for n, line in enumerate(lines)]
+
+
+def _step(text: str) -> tuple[Label, str] | None:
+    """Take one thing off the beginning of a line that is no byte."""
+    if bracket := re.match(r"[\[(]([^\[\](){}]*)[\])]\s*[:,]?\s*(?=\S)", text):
+        rest = text[bracket.end() :]
+        said = _bracketed(bracket[1].strip(), rest)
+        if said is not None:
+            return said, rest
+    if (number := re.match(r"#\s*\d+[:.)]?\s+", text)) and "#" not in text[number.end() :]:
+        return Label(), text[number.end() :]
+    if (clock := re.match(CLOCK + r"(?![\w:])[\s:,|-]*", text)) and _is_clock(clock, text[clock.end() :]):
+        return Label(_seconds(clock)), text[clock.end() :]
+    if seconds := re.match(SECONDS + r"(?![\w.])\s*[:,;|]?\s*", text):
+        return Label(float(seconds[1]) * UNITS[seconds[2]]), text[seconds.end() :]
+    if date := re.match(DATE + r"[\s,]+", text):
+        return Label(), text[date.end() :]
+    if arrow := re.match(rf"({ARROW})\s*", text):
+        return Label(direction=ARROWS[arrow[1]]), text[arrow.end() :]
+    return _named(text)
+
+
+def _is_clock(clock: re.Match[str], rest: str) -> bool:
+    """Tell a time from bytes that colons join, of which there are more then."""
+    hour, minute, second, fraction = int(clock[1]), int(clock[2]), int(clock[3]), clock[4]
+    if fraction is not None:
+        return True
+    joined = re.search(r"[0-9a-fA-F]:[0-9a-fA-F]", rest)
+    return bool(rest) and not joined and hour < 24 and minute < 60 and second < 60
+
+
+def _bracketed(inside: str, rest: str) -> Label | None:
+    """Read what stands in brackets before bytes: a time, a number or a name. None if it may be bytes itself."""
+    if clock := re.fullmatch(CLOCK, inside):
+        return Label(_seconds(clock))
+    if seconds := re.fullmatch(SECONDS, inside):
+        return Label(float(seconds[1]) * UNITS[seconds[2]])
+    if re.fullmatch(rf"#?\d+|{DATE}", inside):
+        return None if re.match(r"[\[(]\s*[0-9a-fA-F]{1,3}\s*[\])]", rest) else Label()
+    if arrow := ARROWS.get(inside):
+        return Label(direction=arrow)
+    if re.fullmatch(r"[A-Za-z][A-Za-z0-9\s:#.]*", inside) and not re.fullmatch(r"[0-9a-fA-FxXhH\s]+", inside):
+        return Label(direction=direction_of(inside))
+    return None
+
+
+def _named(text: str) -> tuple[Label, str] | None:
+    """Read a name before bytes: TX FF FF, Sent packet: FF FF, servo -> PC: FF FF."""
+    first = re.match(NAME, text)
+    if first is None or re.fullmatch(r"[0-9a-fA-F]+[hH]?|[xX][0-9a-fA-F]+", first[0]):
+        return None
+    if named := re.match(rf"([A-Za-z0-9 \t#./_()\-]{{1,60}}?)\s*(?::|=(?!=)|{ARROW})\s*(?=\S)", text):
+        return Label(direction=direction_of(named[1])), text[named.end() :]
+    if (direction := direction_of(first[0])) and re.match(r"\s+\S", text[first.end() :]):
+        return Label(direction=direction), text[first.end() :].lstrip()
+    return None
+
+
+def direction_of(name: str) -> Direction | None:
+    """Tell from a name who sends: TX, host, request; RX, servo, answer. None if it does not say."""
+    for word in re.findall(rf"{NAME}|{ARROW}", name):
+        lower = re.sub(r"\d+$", "", word.lower())
+        if lower in OUT_WORDS or lower in IN_WORDS:
+            return Direction.OUT if lower in OUT_WORDS else Direction.IN
+    return None
+
+
+def _seconds(clock: re.Match[str]) -> float | None:
+    """Give the time of a clock, s since midnight; None if it counts whole seconds, in which many packets fit."""
+    if clock[4] is None:
+        return None
+    return int(clock[1]) * 3600 + int(clock[2]) * 60 + int(clock[3]) + float(f"0.{clock[4]}")
