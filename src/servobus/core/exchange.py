@@ -229,7 +229,7 @@ class Now:
 class Lateness:
     """How late answers come on a port.
 
-    usual   s by which they come later than their bits allow, at least
+    usual   s by which they usually come later than their bits allow
     servos  the servos, as (framing, id), that have answered after they were given up
     """
 

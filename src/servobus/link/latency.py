@@ -9,7 +9,7 @@ class Latency:
     """How much later than the wire allows answers come: learned from those that come.
 
     worst_delay      the latest of the last some thousand, s; it fades
-    usual_delay      the least of the last few, s
+    usual_delay      the median of the last few, s
     reply_margin     how long to wait for one, s: twice the worst_delay, and SPARE; more where all come later than
                      LONGEST; as long as few have come, at least the transport's own guess
     """
@@ -49,8 +49,8 @@ class Latency:
 
     @property
     def usual_delay(self) -> float:
-        """How late answers come at least, by the last few; 0 before the first, s."""
-        return max(min(self._recent, default=0.0), 0.0)
+        """How late answers come, by the last few; 0 before the first, s."""
+        return max(sorted(self._recent)[len(self._recent) // 2], 0.0) if self._recent else 0.0
 
     def impossible(self, late: float, wire: float) -> bool:
         """Tell whether nothing that is asked now can have been answered so soon; `wire` is what the bits take, s."""
@@ -61,5 +61,5 @@ class Latency:
         guess = self._transport.latency
         if self.answers >= self.ENOUGH:
             guess = min(guess, self.FLOOR)
-        habit = min(1.5 * self.usual_delay, self.HABIT)
+        habit = min(1.5 * min(self._recent, default=0.0), self.HABIT)
         self.reply_margin = max(guess, min(2 * self.worst_delay + self.SPARE, self.LONGEST), habit)
