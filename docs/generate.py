@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from servobus import MODELS
+from servobus.cli.virtual_options import option_entries
 from servobus.core.registers import Access, Area, Int, Register
 from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Switch, deg, rpm, show, shown
 from servobus.families.base import Model
@@ -118,7 +119,21 @@ def page(model: type[Model]) -> str:
     parts += ["## Second names", "Either name works."]
     parts += [_table(("Name", "Register"), [(f"`{alias}`", f"`{name}`") for alias, name in model.aliases.items()])]
     parts += list(_codes(model))
+    parts += list(_options(model))
     return _join(*parts)
+
+
+def _options(model: type[Model]) -> Iterator[str]:
+    """Write the options of the model's virtual servo."""
+    if rows := option_entries(model):
+        yield "## Options of the virtual servo"
+        yield "What real ones do in different ways, see [virtual servos](../virtual.md#what-is-known-of-real-ones)."
+        head = ("Option", "In practice", "By the manual", "Values", "What it is", "Known from")
+        cells = [
+            (f"`{row['name']}`", row["practice"], row["manual"], row["values"], row["text"], _linked(row["decision"]))
+            for row in rows
+        ]
+        yield _table(head, cells)
 
 
 def _sheet(model: type[Model]) -> Iterator[tuple[str, str]]:

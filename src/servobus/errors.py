@@ -21,6 +21,7 @@
     │   └── Refused                   the servo understood and said no
     └── MotionError                   motion was refused, ended before its goal, or may go on
         ├── TorqueOff                 a move was asked of a servo without torque
+        ├── OutsideLimits             torque would make it run to its limits, for it stands outside of them
         ├── Restarted                 the servo lost what was set in its RAM
         ├── Stopped                   the servos were made safe or stopped: what was under way ended
         ├── StopFailed                some of the servos that were to be stopped may still move
@@ -157,6 +158,10 @@ class MotionError(ServobusError):
 
 class TorqueOff(MotionError):
     """A move was asked of a servo whose torque is off."""
+
+
+class OutsideLimits(MotionError):
+    """Torque was asked of a servo that stands outside the limits set in it, and would run to the nearest at once."""
 
 
 class Restarted(MotionError):

@@ -28,8 +28,9 @@ PATIENCE = 5.0
 def virtual_bus() -> "Iterator[Callable[..., Bus]]":
     """Make buses of virtual servos: `virtual_bus("rx28@1-4", faults="drop=0.01")`.
 
-    Other keywords are the options of a virtual port, such as `echo=True` or `voltage=12`. The clock is virtual unless
-    `clock="real"`: time passes only while the test waits for the bus. `bus.transport.inject(SPEC)` changes the faults
+    Other keywords are the options of a virtual port, such as `echo=True` or `voltage=12`, and of its servos, such as
+    `goal_torque=False`, or `reading="manual"` for all of them. The clock is virtual unless `clock="real"`: time passes
+    only while the test waits for the bus. `bus.transport.inject(SPEC)` changes the faults
     later on, `bus.transport.servos` are the servos, `bus.transport.now()` is their time.
     """
     from servobus.bus.blocking import Bus  # noqa: PLC0415 - here and below: only who uses it waits for it
@@ -74,7 +75,8 @@ def virtual_port() -> Iterator[Callable[..., str]]:
 
 
 def _url(servos: str, options: dict[str, object]) -> str:
-    return f"virtual:{servos}?" + "&".join(f"{name}={quote(_word(value))}" for name, value in options.items())
+    words = {"as" if name == "reading" else name: quote(_word(value)) for name, value in options.items()}
+    return f"virtual:{servos}?" + "&".join(f"{name}={word}" for name, word in words.items())
 
 
 def _word(value: object) -> str:

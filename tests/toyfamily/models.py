@@ -1,6 +1,6 @@
 """The models of the toy family."""
 
-from servobus.core.registers import Access, Area, Int, Register
+from servobus.core.registers import Access, Area, Int, Motion, Register
 from servobus.core.units import Count, Quantity, Switch, deg
 from servobus.families.model import Model, Performance, SpecSheet
 from toyfamily.places import Cell
@@ -43,7 +43,7 @@ class TOY1(Model):
     max_voltage = Register(Cell(5), WORD, volts, "highest supply", default=750, limits=(0, 1000), area=EEPROM)
     max_temperature = Register(Cell(6), WORD, celsius, "hottest", default=700, limits=(0, 1000), area=EEPROM)
     torque_enable = Register(Cell(7), WORD, Switch(), "torque", default=0, limits=(0, 1))
-    goal_position = Register(Cell(8), WORD, tenths, "goal", limits=(0, 3600), volatile=True, motion=True)
+    goal_position = Register(Cell(8), WORD, tenths, "goal", limits=(0, 3600), volatile=True, motion=Motion.GOAL)
     speed = Register(Cell(9), WORD, Quantity("rad/s", deg), "speed of moves", limits=(0, 300), volatile=True)
     present_position = Register(Cell(10), WORD, tenths, "where it is", access=READ)
     present_voltage = Register(Cell(11), WORD, volts, "supply", access=READ)

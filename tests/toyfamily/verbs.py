@@ -91,10 +91,8 @@ class Toy(Family):
         yield from self.put(target, {target.model.register("goal_position"): here}, keep=False)
         return StopOutcome(f"held at {row.show(row.decode(here))}")
 
-    def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
-        if on:
-            yield from self.hold(target)
-        yield from self.write(target, {target.model.register("torque_enable"): int(on)})
+    def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:  # noqa: ARG002 - no turn
+        yield from self.hold(target)
 
     def push(self, target: ServoRef) -> Procedure[float]:
         return float((yield from self.moving(target)))
@@ -103,8 +101,8 @@ class Toy(Family):
         alarms: Trouble = yield ping(target.id).mapped(trouble)
         return alarms
 
-    def rearm(self, target: KnownServo) -> Procedure[None]:
-        yield from self.torque(target, on=True)
+    def end_shutdown(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:  # noqa: ARG002
+        yield from ()  # it never switches its torque off by itself
 
     def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:  # noqa: ARG002
         yield from ()

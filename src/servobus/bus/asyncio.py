@@ -58,11 +58,29 @@ class AsyncMove:
             raise UsageError("this move has not started: `await` it first")
         return self.planned.duration
 
+    def __repr__(self) -> str:
+        if self.planned is None:
+            return "<AsyncMove: not started>"
+        return f"<AsyncMove {self.planned}: {'ended' if self.planned.over or self.planned.given_up else 'under way'}>"
+
+    @property
+    def done(self) -> Awaitable[bool]:
+        """Whether it has ended, to be awaited: `if await move.done`; see `Move.done`."""
+        return self._has_ended()
+
+    async def cancel(self) -> None:
+        """Stop the servos where they are, unless the move has ended or has not started; see `Move.cancel`."""
+        if self.planned is not None:
+            await self._bus.cancel(self.planned)
+
     async def wait(self, timeout: float | None = None) -> None:  # noqa: ASYNC109 - the bus's clock, which may be virtual
         """Start if need be, and wait until the servos stand still near their goals; see `Move.wait`."""
         planned = self.planned or await self._start()
         self.planned = planned
         await self._bus.wait_arrival(planned, timeout)
+
+    async def _has_ended(self) -> bool:
+        return self.planned is not None and await self._bus.has_ended(self.planned)
 
     async def _started(self) -> "AsyncMove":
         if self.planned is None:

@@ -19,13 +19,22 @@ from servobus.core.framing import Framing, Packet
 from servobus.core.ids import LAST_ID, check_id, check_ids
 from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register, register_name
-from servobus.errors import BusError, Restarted, ServobusError, StopFailed, UnknownName, UsageError
+from servobus.errors import (
+    BusError,
+    MotionError,
+    Restarted,
+    ServobusError,
+    StopFailed,
+    Stopped,
+    UnknownName,
+    UsageError,
+)
 from servobus.families import registry
 from servobus.families.base import Answers, Family, KnownServo, Model, StopOutcome
 from servobus.families.record import SafeAction
 from servobus.jobs.look import verify
 from servobus.jobs.make_safe import stop, stop_all
-from servobus.jobs.move import PlannedMove, plan, require_torque, start_move, wait_arrival
+from servobus.jobs.move import PlannedMove, cancel, has_ended, plan, require_torque, start_move, wait_arrival
 from servobus.jobs.scan import (
     FoundServo,
     Models,
@@ -36,6 +45,7 @@ from servobus.jobs.scan import (
     model_told,
     scan,
 )
+from servobus.jobs.torque import torque_on
 from servobus.link.link import Link
 from servobus.link.ownership import LineOwnership, Turn, turn_for
 from servobus.link.stats import Stats
@@ -338,18 +348,46 @@ class BaseBus(Closed, Generic[S]):
         """Wait until all servos of this move stand still near their goals.
 
         Raises MoveTimeout `timeout` s from now, or 2 s after it should have arrived; Stopped as soon as one of them
-        does not come any more.
+        does not come any more. See `Move.wait`.
         """
         return wait_arrival(move, timeout=timeout)
 
     @bus_method
+    def has_ended(self, move: PlannedMove) -> Procedure[bool]:
+        """Tell whether a move has ended; see `Move.done`."""
+        return has_ended(move)
+
+    @bus_method
+    @urgent(Priority.STOP)
+    def cancel(self, move: PlannedMove) -> Procedure[None]:
+        """Stop all servos of a move where they are, unless it has ended; see `Move.cancel`."""
+        return cancel(move)
+
+    @bus_method
     @urgent(Priority.MOTION)
-    def torque_on(self, servos: Iterable[S | int] | S | int | None = None) -> Procedure[None]:
-        """Switch the torque of these servos on (by default of all), each with goal := present position first."""
+    def torque_on(
+        self,
+        servos: Iterable[S | int] | S | int | None = None,
+        *,
+        to_limit: bool = False,
+        speed: float | None = None,
+    ) -> Procedure[None]:
+        """Switch the torque of these servos on (by default of all), each with goal := present position first.
+
+        See `Servo.torque_on`. Where one fails the others have their turn all the same; then the first failure is
+        raised.
+        """
+        first: BusError | MotionError | None = None
         for servo in self._chosen(servos):
             yield SetBaud(servo.baud)
-            servo.permit.mark_moving()
-            yield from servo.family.torque(servo.target, on=True)
+            try:
+                yield from torque_on(servo.target, to_limit=to_limit, speed=speed)
+            except (BusError, MotionError) as error:
+                if isinstance(error, Stopped):
+                    raise
+                first = first or error
+        if first is not None:
+            raise first
 
     @bus_method
     @urgent(Priority.MOTION)

@@ -33,23 +33,40 @@ T = TypeVar("T")
 
 
 class Move:
-    """A move under way."""
+    """A move under way. A way that takes longer than a servo can be told at once goes on only while `wait` waits."""
 
     def __init__(self, bus: "Bus", planned: PlannedMove) -> None:
         self._bus = bus
         self.planned = planned
+
+    def __repr__(self) -> str:
+        return f"<Move {self.planned}: {'ended' if self.planned.over or self.planned.given_up else 'under way'}>"
 
     @property
     def duration(self) -> float:
         """Seconds from start to arrival."""
         return self.planned.duration
 
+    @property
+    def done(self) -> bool:
+        """Whether it has ended: the servos stand still near their goals, or something has ended their motion.
+
+        It asks the servos, but only from when they should be there until they are. Raises BusError.
+        """
+        return self._bus.has_ended(self.planned)
+
     def wait(self, timeout: float | None = None) -> None:
         """Wait until the servos stand still near their goals.
 
-        It feeds the watch. Raises MoveTimeout, and Stopped at once if a servo was made safe, stopped or switched off.
+        It feeds the watch. Raises MoveTimeout, `timeout` s from now or 2 s after they should have arrived, and Stopped
+        at once if a servo was made safe, stopped or switched off. A time-out that is over while they may still come
+        leaves them on their way; else a move that fails ends where they are, as the error says.
         """
         self._bus.wait_arrival(self.planned, timeout)
+
+    def cancel(self) -> None:
+        """Stop the servos where they are, unless the move has ended; `wait` raises Stopped then."""
+        self._bus.cancel(self.planned)
 
 
 class BusServo(Blocking, Servo):

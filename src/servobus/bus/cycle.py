@@ -26,8 +26,9 @@ from servobus.core.operation import Awaiting, Blocking, Priority, bus_method, ur
 from servobus.core.registers import Register, register_name
 from servobus.core.units import finite, said, show
 from servobus.core.values import frozen
-from servobus.errors import BadValue, BusError, NoReply, TorqueOff, UnknownName, UsageError
+from servobus.errors import BadValue, BusError, MotionError, NoReply, UnknownName, UsageError
 from servobus.families.base import Family, MotionStatus, Reading, ServoRef
+from servobus.families.motion import check_goal, no_torque
 from servobus.jobs.move import keep_moving, raw_goal
 from servobus.link.line_clock import BITS_PER_BYTE
 from servobus.transports.base import Transport
@@ -138,7 +139,7 @@ class Cycle:
     read       registers that all of them have, or their names
     write      ("goal_position",), or nothing
     time       s that the way to each goal takes, where the family has such a time (HerkuleX, LX-16A); 0 is as fast as
-               possible. An RX-28 goes at its moving_speed
+               possible. An RX-28 goes at its moving_speed, not at that of the last move
 
     Raises UnknownName for a register that a servo does not have, UsageError for a servo that cannot be read, BadValue
     for the time.
@@ -280,17 +281,19 @@ class Cycle:
         """Refuse a goal that this servo would not follow, or must not."""
         target, row = part.target, part.target.model.register("goal_position")
         record, permit, enable = target.record, target.permit, target.model.register("torque_enable")
-        torque = target.model.family.torque_on(record.ram[enable]) if enable in record.ram else motion_status.torque
-        if record.restarted or not torque:
-            part.motion_status = None  # another program may switch it on
-            raise TorqueOff(f"{target}: torque is off, so nothing would move; switch it on first")
-        if motion_status.turning:
-            part.motion_status = None
-            raise UsageError(f"{target} turns without end; position_mode() ends that")
-        if not motion_status.low <= raw <= motion_status.high:
-            part.motion_status = None  # they may be changed
-            low, high = row.said(motion_status.low), row.said(motion_status.high)
-            raise BadValue(f"{target}: {row.said(raw)} is outside the limits set in it, {low} .. {high}")
+        torque = motion_status.torque
+        if enable in record.ram and not motion_status.shutdown:
+            torque = target.model.family.torque_on(record.ram[enable])
+        try:
+            if record.restarted or not torque:
+                raise no_torque(target, motion_status.shutdown)
+            check_goal(target, motion_status, raw, step=False)
+        except (MotionError, UsageError):
+            part.motion_status = None  # another program, or the next call, may change it
+            raise
+        if record.lent:
+            yield SetBaud(part.servo.baud)
+            yield from target.model.family.give_back(target)
         if permit.max_step is not None:
             here = part.position
             if here is None:

@@ -34,6 +34,7 @@ from servobus.jobs.backup import Backup, backup, restore
 from servobus.jobs.look import Snapshot, identify_at, look, verify
 from servobus.jobs.make_safe import stop
 from servobus.jobs.move import PlannedMove, plan, require_torque, start_move
+from servobus.jobs.torque import rearm, torque_on
 from servobus.safety.safe_stop import check_safe_action
 
 T = TypeVar("T")
@@ -201,6 +202,9 @@ class Servo(Closed):
     def write(self, register: Register[T] | str, value: T) -> Procedure[None]:
         """Write one register so that it acts at once. Raises BadValue before anything is sent.
 
+        What moves the servo obeys the rules of moves: it needs torque, limits and `max_step` hold, and the servo counts
+        as driven. A setting that would move a servo with torque as a side effect is a UsageError.
+
         A register in EEPROM is read first, and written only if it differs; after ten writes within a minute
         EepromWear is raised.
         """
@@ -253,10 +257,14 @@ class Servo(Closed):
 
     @bus_method
     @urgent(Priority.MOTION)
-    def torque_on(self) -> Procedure[None]:
-        """Switch the torque on; the goal becomes the present position first, so that nothing jumps."""
-        self.permit.mark_moving()
-        yield from self.family.torque(self.target, on=True)
+    def torque_on(self, *, to_limit: bool = False, speed: float | None = None) -> Procedure[None]:
+        """Switch the torque on; the goal becomes the present position first, so that nothing moves.
+
+        Raises TorqueOff if the servo keeps its torque off, as after an alarm: `rearm` brings it back. Raises
+        OutsideLimits if it stands outside the limits set in it and would run to the nearest; with `to_limit` it is
+        brought there at `speed` in rad/s (TO_LIMIT_SPEED by default), and the call ends when it is there.
+        """
+        yield from torque_on(self.target, to_limit=to_limit, speed=speed)
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -267,14 +275,13 @@ class Servo(Closed):
 
     @bus_method
     @urgent(Priority.MOTION)
-    def rearm(self) -> Procedure[None]:
+    def rearm(self, *, to_limit: bool = False, speed: float | None = None) -> Procedure[None]:
         """Switch the torque on again after the servo itself has switched it off, by the rule of its family.
 
-        Nothing jumps: the goal becomes the present position first. Raises Refused, with the alarms as `flags`, if the
-        cause is still there; then the torque stays off.
+        Nothing moves: the goal becomes the present position first. Raises Refused, with the alarms as `flags`, if the
+        cause is still there; then the torque stays off. Outside its limits it is as with `torque_on`.
         """
-        self.permit.mark_moving()
-        yield from self.family.rearm(self.target)
+        yield from rearm(self.target, to_limit=to_limit, speed=speed)
         self.note_alarms((yield from self.family.read_alarms(self.target)))
         self.latched = self.alarms
         self.record.restarted = False
@@ -293,21 +300,24 @@ class Servo(Closed):
     @bus_method
     @urgent(Priority.MOTION)
     def turn(self, *, speed: float | None = None, output: float | None = None) -> Procedure[None]:
-        """Turn without end. `speed` in rad/s (HerkuleX) or `output` as a share -1 .. 1 (RX-28, LX-16A)."""
+        """Turn without end. `speed` in rad/s (HerkuleX) or `output` as a share -1 .. 1 (RX-28, LX-16A).
+
+        The torque must be on already. Raises TorqueOff, BadValue or UsageError before anything moves.
+        """
         require_model(self.target, "turn without end")
         if speed is None and output is None:
             example = "speed=20 * rpm" if self.model.turns_at_speed() else "output=0.3"
             raise UsageError(f"{self.target}: say how fast, as in turn({example})")
-        self._go()
         yield from self.family.turn(self.target, speed=speed, output=output)
 
     @bus_method
     @urgent(Priority.MOTION)
     def position_mode(self, limits: tuple[float, float] | None = None) -> Procedure[None]:
-        """Come back from `turn` and hold the present position.
+        """Come back from `turn` and hold the present position: nothing moves.
 
         An RX-28 turns without end because its angle limits are 0; `limits` (rad) are the ones to set again,
-        the full range by default.
+        the full range by default. RX-28 and LX-16A, which endless turn at speed 0 does not hold, are without torque for
+        a moment. Raises OutsideLimits, before anything is written, if the servo would run to one of these limits.
         """
         require_model(self.target, "come back from endless turn")
         raw = None
@@ -317,7 +327,8 @@ class Servo(Closed):
                 raise UsageError(f"limits {given!r:.60} are not two angles, as in (20 * deg, 280 * deg)")
             low, high = (self.model.register(name) for name in ("min_position", "max_position"))
             raw = low.encode(limits[0]), high.encode(limits[1])
-        self._go()
+            if raw[0] >= raw[1]:
+                raise BadValue(f"{self.target}: {low.show(limits[0])} is not below {high.show(limits[1])}")
         yield from self.family.position_mode(self.target, raw)
 
     @bus_method
@@ -485,8 +496,6 @@ class Servo(Closed):
     def _write(self, raw: Mapping[Register[Any], int], *, keep: bool = False) -> Procedure[None]:
         self._no_identity(raw)
         torque = self.model.register("torque_enable")
-        if self.family.sets_going(self.target, raw):
-            self._go(waking=torque in raw)
         write = self.family.store if keep else self.family.write
         yield from self._under_new_policy(raw, write(self.target, raw))
         if torque in raw and not self.family.torque_on(raw[torque]):
@@ -506,9 +515,3 @@ class Servo(Closed):
             raise
         self.target = replace(self.target, answers=Answers(raw[policy]))
         return result
-
-    def _go(self, *, waking: bool = False) -> None:
-        """Take note that it is set in motion. Raises Stopped if it must not be, Restarted if that would wake it up."""
-        if self.restarted and not waking:
-            raise Restarted(f"{self.target} has restarted, and is not moved before torque_on() or rearm()")
-        self.permit.mark_moving()

@@ -9,6 +9,7 @@ import click
 from servobus import BusServo, NoReply
 from servobus.cli.options import Ids, Where, are_several, as_json, for_each, on_servos, open_port, verb
 from servobus.cli.output import console, json_entries
+from servobus.connect import VIRTUAL
 from servobus.core.present import value_entry, value_text
 from servobus.core.registers import Access, Register
 from servobus.errors import BusError, Refused
@@ -59,6 +60,7 @@ def _entry(servo: BusServo) -> dict[str, Any]:
         **servo_entry(servo.family, servo.model, servo.id, servo.baud, servo.firmware),
         "alarms": servo.alarm_text().split("+") if servo.alarms else [],
         "registers": {row.name: value_entry(row, raw) for row, raw in raws.items() if raw is not None},
+        **({"options": options} if (options := _options(servo)) else {}),
         "sheet": model_entry(servo.model),
     }
 
@@ -83,6 +85,20 @@ def _print(servo: BusServo, raws: Mapping[Register[Any], int | None]) -> None:
         out.print(line, style=style, markup=False, no_wrap=True, overflow="ellipsis")
         for more in rest:
             out.print(" " * name_width + "  " + more, style=style, markup=False, no_wrap=True)
+    if options := _options(servo):
+        out.print("\noptions of this virtual servo:", markup=False)
+        for name, word in options.items():
+            out.print(f"{name:<{name_width}}  {word}", markup=False)
+
+
+def _options(servo: BusServo) -> dict[str, str]:
+    """Give the options of a virtual servo of this process; a real one has none."""
+    transport = servo._bus.transport
+    if not transport.name.startswith(VIRTUAL):
+        return {}
+    from servobus.cli.virtual_options import options_at  # noqa: PLC0415 - virtual servos are slow to import
+
+    return options_at(transport, servo.model, servo.id)
 
 
 def _read_all(servo: BusServo) -> dict[Register[Any], int | None]:

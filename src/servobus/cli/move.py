@@ -24,7 +24,8 @@ from servobus.cli.output import console, note, print_json
 from servobus.cli.stop import stop_all
 from servobus.core.units import parse, show, shown
 from servobus.core.values import frozen
-from servobus.errors import BadValue
+from servobus.errors import BadValue, UsageError
+from servobus.jobs.move import GRACE
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -33,8 +34,6 @@ DRAW_PERIOD = 0.04
 """s between two drawings of the way."""
 LONGEST = 3600.0
 """s that a move may take: nothing moves that slowly on purpose."""
-GRACE = 2.0
-"""s that a move may take longer than planned, as in `Move.wait`."""
 
 
 @verb(
@@ -78,7 +77,7 @@ def move(
         angles = _by_servo(bus, where, wanted)
         servos = list(angles)
         try:
-            under_way = _start(bus, angles, time, speed, quiet=json)
+            under_way = _start(bus, angles, time, speed, no_wait=no_wait, quiet=json)
             if no_wait:
                 if not json:
                     click.echo(f"moving for {under_way.duration:.2f} s")
@@ -149,12 +148,21 @@ def _by_servo(bus: Bus, where: Where, goals: Mapping[int | Literal["all"], Goal]
     return {servo: goals[servo.id].of(servo) for servo in servos}
 
 
-def _start(bus: Bus, angles: Mapping[BusServo, float], time: float | None, speed: float | None, *, quiet: bool) -> Move:
+def _start(
+    bus: Bus, angles: Mapping[BusServo, float], time: float | None, speed: float | None, *, no_wait: bool, quiet: bool
+) -> Move:
     """Check everything, then switch the torque on where it is off, then start."""
     planned = bus.plan_move(angles, time=time, speed=speed)
+    if no_wait and len(planned.legs) > 1:
+        step = show(planned.duration / len(planned.legs), "s")
+        raise UsageError(
+            f"this move takes {show(planned.duration, 's')}, and goes to the servo in parts of {step}, so the command "
+            "must wait for it; leave --no-wait out, or go faster"
+        )
     without_torque = [servo for servo in angles if servo.target in planned.without_torque]
     try:
-        bus.torque_on(without_torque)
+        if without_torque:
+            bus.torque_on(without_torque)
         bus.start_planned(planned)
     except ServobusError:
         bus.torque_off(without_torque)  # leave them as they were
@@ -169,19 +177,14 @@ def _show_progress(bus: Bus, servos: Sequence[BusServo], angles: Mapping[BusServ
     from rich.live import Live  # noqa: PLC0415 - slow to import, and only wanted on terminals
 
     clock = bus.transport
-    end = clock.now() + under_way.duration
+    end = clock.now() + under_way.duration + GRACE
     with Live(console=console(), auto_refresh=False, transient=True) as live:
         while True:
             live.update(_progress_table(servos, angles, bus.read_all("present_position")), refresh=True)
-            if clock.now() >= end:
-                try:
-                    under_way.wait(timeout=0)
-                except MoveTimeout:
-                    if clock.now() >= end + GRACE:
-                        raise
-                else:
-                    return
+            if clock.now() >= end or under_way.done:
+                break
             clock.sleep(DRAW_PERIOD)
+    under_way.wait()
 
 
 def _progress_table(

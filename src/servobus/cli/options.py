@@ -1,6 +1,7 @@
 """What the commands share: how ports, servos and values are typed, and how servos are found."""
 
 import contextlib
+import math
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -294,6 +295,23 @@ def on_servos_with(name: str, metavar: str, *, needed: bool = True) -> Callable[
 
 def as_json(command: F) -> F:
     return click.option("--json", "json", is_flag=True, help="Print JSON.")(command)
+
+
+def to_limit_options(command: F) -> F:
+    """Add --to-limit and --speed, for torque that comes on outside the limits."""
+    command = click.option("--speed", type=SPEED, metavar="DEG/S", help="With --to-limit: how fast; else 20°/s.")(
+        command
+    )
+    help = "Bring a servo that stands outside its limits slowly to the nearest."
+    return click.option("--to-limit", is_flag=True, help=help)(command)
+
+
+def check_to_limit(to_limit: bool, speed: float | None) -> None:
+    """Refuse a speed that is none, or that nothing would be moved with."""
+    if speed is not None and not to_limit:
+        raise click.UsageError("--speed goes with --to-limit")
+    if speed is not None and not 0 < speed < math.inf:
+        raise BadValue("--speed must be above 0")
 
 
 def open_port(port: str) -> Bus:

@@ -3,7 +3,17 @@
 import click
 
 from servobus import BusServo
-from servobus.cli.options import Ids, Where, for_each, on_servos, open_port, verb
+from servobus.cli.options import (
+    Ids,
+    Where,
+    check_to_limit,
+    for_each,
+    on_servos,
+    open_port,
+    sigterm_as_interrupt,
+    to_limit_options,
+    verb,
+)
 from servobus.cli.output import warn_alarms
 from servobus.core.units import show
 
@@ -15,18 +25,21 @@ from servobus.core.units import show
     "servobus rearm virtual:drs0602@219 219",
 )
 @on_servos
-def rearm(port: str, ids: Ids, where: Where) -> None:
+@to_limit_options
+def rearm(port: str, ids: Ids, where: Where, to_limit: bool, speed: float | None) -> None:
     """Switch the torque of the servos ID... on PORT on again, after an alarm has switched it off.
 
     The alarm is cleared by the rule of the servo's family, and the goal becomes the present position, so nothing
-    jumps. Refused while the cause is still there, such as a servo that is too hot; then the torque is off.
+    moves. Refused while the cause is still there, such as a servo that is too hot; then the torque is off. A servo that
+    would run to its limits, because it stands outside of them, is refused too; --to-limit brings it there slowly.
     """
+    check_to_limit(to_limit, speed)
 
     def rearm_one(servo: BusServo) -> None:
-        servo.rearm()
+        servo.rearm(to_limit=to_limit, speed=speed)
         state = servo.look()
         click.echo(f"{servo.target}: torque on, holds {show(state.position, 'rad')}")
         warn_alarms(servo)
 
-    with open_port(port) as bus:
+    with open_port(port) as bus, sigterm_as_interrupt():
         for_each(bus, where, ids, rearm_one)

@@ -37,7 +37,9 @@ def _known(text: str | None) -> str:
 def models(json: bool) -> None:
     """List the models known here, with the data of their makers."""
     if json:
-        print_json([model_entry(model) for model in MODELS.values()])
+        from servobus.cli.virtual_options import option_entries  # noqa: PLC0415 - virtual servos are slow to import
+
+        print_json([model_entry(model) | {"options": option_entries(model)} for model in MODELS.values()])
         return
     from rich.table import Table  # noqa: PLC0415 - rich is slow to import and not always wanted
 

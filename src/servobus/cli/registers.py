@@ -6,6 +6,7 @@ from servobus.cli.options import as_json, verb
 from servobus.cli.output import console, print_json
 from servobus.core.present import place_text, register_entry, title_text, writable_text
 from servobus.families import registry
+from servobus.families.base import Model
 
 
 @verb(
@@ -33,6 +34,20 @@ def registers(model: str, names: tuple[str, ...], json: bool) -> None:
         for line in (row.meaning, writable_text(row), *([row.note] if names and row.note else [])):
             if line:
                 _indented(line)
+    if not names:
+        _options(table)
+
+
+def _options(model: type[Model]) -> None:
+    """Show what a virtual servo of this model can do otherwise."""
+    from servobus.cli.virtual_options import option_rows  # noqa: PLC0415 - virtual servos are slow to import
+
+    rows = option_rows(model)
+    if rows:
+        click.echo(f"\nOptions of a virtual {model.title}, such as {model.key()}@1,{rows[0][0]}")
+    for name, text in rows:
+        click.echo(name)
+        _indented(text)
 
 
 def _indented(line: str) -> None:

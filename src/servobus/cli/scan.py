@@ -1,8 +1,10 @@
 """`scan`: which servos are on this port."""
 
+import math
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING
+from enum import IntFlag
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -10,6 +12,7 @@ from servobus import Bus
 from servobus.cli.options import Where, as_json, id_list, on_port, open_port, verb
 from servobus.cli.output import console, note, print_json
 from servobus.core.ids import LAST_ID
+from servobus.core.units import Flags, shown
 from servobus.families import registry
 from servobus.families.present import servo_entry
 from servobus.jobs.scan import FoundServo, ScanProblem, ScanProgress, ScanResult
@@ -54,21 +57,51 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
                     click.echo(_servo_text(bus, progress.found))
             bar.advance()
 
-        result = ScanResult()
+        result, broken_off = ScanResult(), False
+        families, bauds = [family for family, _ in rounds], {family.name: bauds for family, bauds in rounds}
         try:
-            for family, bauds in rounds:
-                bus.do(scan_procedure([family], bauds, wanted, watch, result, bus.identify))
+            bus.do(scan_procedure(families, bauds, wanted, watch, result, bus.identify))
         except KeyboardInterrupt:
+            broken_off = True
+            bar.remove()
             note("servobus: stopped; this is what was found so far")
     found, troubles = result.found, result.troubles
     _note_problems(troubles, found)
     if result.late:
         note(f"answers come {1000 * result.late:.0f} ms late; waited longer for them (`servobus doctor` says more)")
     if json:
-        print_json([servo_entry(one.family, one.model, one.id, one.baud, one.identity.firmware) for one in found])
-    elif not found:
+        print_json([_entry(one) for one in found])
+    elif not found and not broken_off:
         hint = "are they powered?" if where.baud == "all" else "are they powered? `--baud all` tries every speed"
         note(f"no servo answers (asked ids {ids}: {where}); {hint}")
+    if broken_off:
+        raise click.exceptions.Exit(130)
+
+
+def _entry(found: FoundServo) -> dict[str, Any]:
+    """Give what was found for JSON: all that the line for people says, null where it is not known."""
+    state, alarms = found.state, found.alarms
+    tells_alarms = found.family.ping(found.id).alarms is not None
+    return {
+        **servo_entry(found.family, found.model, found.id, found.baud, found.identity.firmware),
+        "position": _quantity(state.position, "rad") if state else None,
+        "voltage": _quantity(state.voltage, "V") if state else None,
+        "temperature": _quantity(state.temperature, "degC") if state else None,
+        "torque": state.torque if state else None,
+        "alarms": _names(alarms) if tells_alarms else None,
+    }
+
+
+def _names(alarms: int) -> list[str]:
+    return Flags(type(alarms)).show(alarms).split("+") if alarms and isinstance(alarms, IntFlag) else []
+
+
+def _quantity(value: float, unit: str) -> dict[str, Any] | None:
+    """Give a value with the unit that people use; None for NaN, which stands for a unit that is not known."""
+    if math.isnan(value):
+        return None
+    number, symbol = shown(value, unit)
+    return {"value": number, "unit": symbol}
 
 
 def _note_problems(troubles: list[ScanProblem], found: list[FoundServo]) -> None:
@@ -104,6 +137,13 @@ class ProgressBar:
     def advance(self) -> None:
         if self._bar is not None:
             self._bar.advance(self._task)
+
+    def remove(self) -> None:
+        """Take the bar away for good. Where a terminal shows ^C beside it, what comes next begins on a new line."""
+        if self._bar is not None:
+            self._bar.stop()
+            click.echo(err=True)
+            self._bar = None
 
     @contextmanager
     def hidden(self) -> Iterator[None]:

@@ -5,10 +5,22 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import click
 
 from servobus import Bus, BusServo, ServobusError
-from servobus.cli.options import ALL, TRIES, Ids, Where, find_all, on_servos, open_port, verb
+from servobus.cli.options import (
+    ALL,
+    TRIES,
+    Ids,
+    Where,
+    check_to_limit,
+    find_all,
+    on_servos,
+    open_port,
+    sigterm_as_interrupt,
+    to_limit_options,
+    verb,
+)
 from servobus.cli.output import note, warn_alarms
 from servobus.core.ids import BROADCAST, LAST_ID
-from servobus.errors import NoReply, StopFailed
+from servobus.errors import BusError, MotionError, NoReply, StopFailed
 from servobus.families import registry
 from servobus.families.base import Family, StopOutcome
 from servobus.jobs.everyone_off import everyone_off
@@ -46,19 +58,25 @@ def stop(port: str, ids: Ids, where: Where) -> None:
 @verb(
     "torque",
     "servobus torque /dev/ttyUSB0 1-4,7 on",
+    "servobus torque /dev/ttyUSB0 1 on --to-limit --speed 10",
     "servobus torque /dev/ttyUSB0 all off",
 )
 @on_servos
 @click.argument("state", metavar="on|off", type=click.Choice(["on", "off"]))
-def torque(port: str, ids: Ids, where: Where, state: str) -> None:
+@to_limit_options
+def torque(port: str, ids: Ids, where: Where, state: str, to_limit: bool, speed: float | None) -> None:
     """Switch the torque of servos on PORT on or off.
 
-    On: each holds where it is, nothing jumps, and none is switched on unless all are found. Off: each shaft turns
+    On: each holds where it is, nothing moves, and none is switched on unless all are found. A servo that would run to
+    its limits, because it stands outside of them, is refused; --to-limit brings it there slowly. Off: each shaft turns
     freely, so support what it carries; each is switched off as soon as it is found, as `stop` does.
 
     `all off` looks for nobody: within two seconds every id is told, twice at each speed that servos of each family can
     be set to, or at --baud. No servo answers that.
     """
+    if to_limit and state == "off":
+        raise click.UsageError("--to-limit goes with on")
+    check_to_limit(to_limit, speed)
 
     def switched(servo: BusServo) -> None:
         click.echo(f"{servo.target}: torque {state}")
@@ -68,12 +86,9 @@ def torque(port: str, ids: Ids, where: Where, state: str) -> None:
         servo.torque_off()
         switched(servo)
 
-    with open_port(port) as bus:
+    with open_port(port) as bus, sigterm_as_interrupt():
         if state == "on":
-            servos = find_all(bus, where, ids)
-            bus.torque_on(servos)
-            for servo in servos:
-                switched(servo)
+            _torque_on(find_all(bus, where, ids), switched, to_limit=to_limit, speed=speed)
         elif ids == ALL:
             rounds = where.everywhere()
             _tell_torque_off(bus, where, rounds)
@@ -81,6 +96,23 @@ def torque(port: str, ids: Ids, where: Where, state: str) -> None:
             note("no servo answers that; `servobus scan` shows which obeyed")
         else:
             _each_as_it_is_found(bus, where, ids, switch_off)
+
+
+def _torque_on(
+    servos: Sequence[BusServo], then: Callable[[BusServo], None], *, to_limit: bool, speed: float | None
+) -> None:
+    """Switch each on, even if another fails; what failed is told at the end."""
+    failed: list[str] = []
+    for servo in servos:
+        try:
+            servo.torque_on(to_limit=to_limit, speed=speed)
+        except (BusError, MotionError) as error:
+            failed.append(str(error))
+            warn_alarms(servo)
+        else:
+            then(servo)
+    if failed:
+        raise ServobusError("; ".join(failed))
 
 
 def stop_all(bus: Bus, servos: Iterable[BusServo]) -> None:

@@ -7,14 +7,17 @@ from pathlib import Path
 
 import click
 
+from servobus.cli.app import Verb
 from servobus.cli.live_table import LiveTable
-from servobus.cli.options import BAUD, UnitType, stop_on_signals, verb
+from servobus.cli.options import BAUD, UnitType, stop_on_signals
 from servobus.cli.output import note
 from servobus.cli.virtual_console import VirtualConsole, read_commands
+from servobus.cli.virtual_options import options_text, write_options
 from servobus.errors import BadValue
+from servobus.virtual.device.options import READINGS, Reading
 from servobus.virtual.physics.motor import NOTHING, Load
 from servobus.virtual.serve.ports import serve_pty, serve_tcp
-from servobus.virtual.serve.rig import build_rig
+from servobus.virtual.serve.rig import Rig, build_rig
 from servobus.virtual.serve.spec import Servos, Setup, parse_load, parse_specs
 from servobus.virtual.wire.adapter import WHOLE, Adapter
 from servobus.virtual.wire.faults import KINDS, NO_FAULTS, SETTINGS, Faults, explain
@@ -52,17 +55,28 @@ class FaultsType(click.ParamType[Faults]):
         return Faults.parse(str(value))
 
 
-@verb(
-    "virtual",
+class VirtualVerb(Verb):
+    """A verb whose help lists the options of virtual servos."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        super().format_options(ctx, formatter)
+        write_options(formatter)
+
+
+EXAMPLES = (
     "servobus virtual rx28@1-4,7",
     "servobus virtual lx16a@1,2 --pty /tmp/arm --state arm.json",
     "servobus virtual drs0602@219 --tcp 127.0.0.1:3333",
     "servobus virtual rx28@1-4 --load mass=0.2,length=0.1 --show",
+    "servobus virtual rx28@1-4,goal_torque=off,lx16a@7 --as practice",
     "servobus virtual rx28@1-4 --faults seed=7,drop=0.01,stall=0.001:120ms",
     "",
     "and then, in another terminal:",
     "servobus scan /tmp/arm",
 )
+
+
+@click.command("virtual", cls=VirtualVerb, examples=EXAMPLES)
 @click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
 @click.option("--pty", metavar="LINK", help="Make LINK a symbolic link to the terminal.")
 @click.option("--tcp", metavar="[HOST:]PORT", help="Serve a TCP port instead; port 0 takes any free one.")
@@ -104,6 +118,14 @@ class FaultsType(click.ParamType[Faults]):
     help=f"What goes wrong, such as seed=7,drop=0.01,flip@12#5. There are {', '.join(KINDS)}, and "
     f"{', '.join(SETTINGS)}; `--faults help` explains them.",
 )
+@click.option(
+    "--as",
+    "reading",
+    type=click.Choice(READINGS),
+    default=READINGS[0],
+    show_default=True,
+    help="Do what is known of real servos, or what their manuals say: the values of all options below.",
+)
 @click.option("--show", is_flag=True, help="Show every servo in a live table. Needs a terminal.")
 def virtual(
     specs: tuple[str, ...],
@@ -119,12 +141,16 @@ def virtual(
     load: Load,
     adapter: Adapter,
     faults: Faults,
+    reading: Reading,
     show: bool,
 ) -> None:
     """Be servos on a pseudo terminal, which any program opens like a serial port, until interrupted.
 
     SPEC is MODEL@IDS, such as rx28@1-4,7; `servobus models` lists the models. Servos of several families get
     a wire each, behind one port. Prints `ready PATH` once they answer. Ctrl-C switches them off.
+
+    What real servos do in different ways is an option, for the servos in front of it: rx28@1-4,goal_torque=off. So is
+    what a register of the EEPROM holds: rx28@1,ccw_angle_limit=0xFFFF.
 
     Lines typed meanwhile change what surrounds the servos: `load 1 torque=0.5`, `block 1`, `voltage 11`; `help`
     lists them.
@@ -148,11 +174,13 @@ def virtual(
         load=load,
         adapter=adapter,
         faults=faults,
+        reading=reading,
     )
     address = _host_and_port(tcp) if tcp else None
     stop = stop_on_signals()
     rig = build_rig(setup)
     _note_duplicate_ids(servos)
+    _note_options(rig)
     table = LiveTable(rig, stop) if show else None
 
     def ready(name: str) -> None:
@@ -182,6 +210,17 @@ def _note_duplicate_ids(servos: Servos) -> None:
     for (family, id), count in ids.items():
         if count > 1:
             note(f"{count} {family} servos with id {id}: their answers collide, as those of real ones do")
+
+
+def _note_options(rig: Rig) -> None:
+    """Note which servos have other options than by default."""
+    servos: dict[str, list[int]] = {}
+    for servo in rig.servos:
+        if text := options_text(servo):
+            servos.setdefault(f"{servo.model.title}: {text}", []).append(servo.id)
+    for text, ids in servos.items():
+        title, _, options = text.partition(": ")
+        note(f"{title} id {', '.join(map(str, ids))}: {options}")
 
 
 def _ready(name: str) -> None:

@@ -13,9 +13,11 @@ from collections.abc import Callable
 from typing import Final
 
 from servobus.cli.output import note
+from servobus.cli.virtual_options import options_text
 from servobus.core.ids import parse_ids
 from servobus.core.units import parse, show
 from servobus.errors import BadValue, ServobusError, UsageError
+from servobus.virtual.device.options import read_options
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.physics.motor import NOTHING, Load
 from servobus.virtual.serve.rig import Rig
@@ -28,6 +30,8 @@ release SERVOS                   let it turn again
 turn SERVOS ANGLE                turn a shaft by hand
 voltage V                        set the supply of all
 temperature SERVOS C             set a case, and what is around it
+options SERVOS                   show what real servos do in different ways, and what these do
+options SERVOS goal_torque=off   let them do otherwise
 SERVOS is an id, ids such as 1-4,7, a model with ids such as rx28@1, or all"""
 
 MANY = 3
@@ -65,6 +69,8 @@ class VirtualConsole:
                 return self._load(self._find(which, now), "blocked")
             case "release", [which]:
                 return self._load(self._find(which, now), "blocked=off")
+            case "options", [which, *words]:
+                return self._options(self._find(which, now), words)
             case "turn", [which, angle]:
                 position = _number(angle, "rad")
                 for servo in (found := self._find(which, now)):
@@ -88,6 +94,18 @@ class VirtualConsole:
             if load != servo.shaft.load:
                 servo.shaft.load = load
         return "\n".join(f"{_names([servo])}: {describe(load)}" for servo, load in zip(servos, loads, strict=True))
+
+    def _options(self, servos: list[VirtualServo], words: list[str]) -> str:
+        """Set options of all these servos, or of none; show those that were set, or all."""
+        for word in words:
+            if "=" not in word:
+                raise UsageError(f"{word!r} sets no option; write NAME=VALUE, such as goal_torque=off")
+        given = {name: value for name, _, value in (word.partition("=") for word in words)}
+        values = [read_options(type(servo), servo.model, given) for servo in servos]
+        for servo, some in zip(servos, values, strict=True):
+            for name, value in some.items():
+                setattr(servo, name, value)
+        return "\n".join(f"{_names([servo])}: {options_text(servo, all=True)}" for servo in servos)
 
     def _find(self, which: str, now: float) -> list[VirtualServo]:
         """Find the servos that are meant, and bring them up to now. Raises UsageError."""

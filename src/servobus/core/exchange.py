@@ -216,6 +216,16 @@ class Pause:
     shared: bool = False
 
 
+@frozen
+class Settle:
+    """Step of a procedure: have servos of this kind be done with what they heard that was meant for another family.
+
+    What is sent to them ends that by itself. To end it before the line falls quiet spares them an alarm.
+    """
+
+    framing: Framing
+
+
 class Now:
     """Step of a procedure: `now = yield Now()` gives the time of the port's clock, in seconds.
 
@@ -265,7 +275,7 @@ class Batch:
     yields: bool = False
 
 
-Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Now | LateAnswers | Batch
+Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Settle | Now | LateAnswers | Batch
 Procedure: TypeAlias = Generator[Step, Any, T]
 Job: TypeAlias = Exchange[T] | Procedure[T]
 

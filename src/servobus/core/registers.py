@@ -38,6 +38,25 @@ class Area(enum.Enum):
     RAM = "ram"
 
 
+class Motion(enum.Enum):
+    """How writing a register can move the servo."""
+
+    GOAL = "goal"
+    """Where it is to be."""
+    SPEED = "speed"
+    """How fast, or with which output, it turns without end."""
+    MODE = "mode"
+    """Endless turn (not 0) or angles (0)."""
+    LIMIT = "limit"
+    """How far its goals may lie: one that holds outside of new limits may run to them."""
+    ZERO = "zero"
+    """Where its angles are counted from: one that holds an angle may turn by the change."""
+    STRENGTH = "strength"
+    """The output that it is allowed: one that has none, and gets some, runs to its old goal."""
+    OUTPUT = "output"
+    """What it puts out even at its goal."""
+
+
 @frozen
 class Int:
     """An integer in `size` bytes, low byte first unless `order` is "big".
@@ -145,7 +164,7 @@ class Register(Generic[T]):
     limits    smallest and largest raw value that may be written
     allowed   the only raw values that may be written, where they are no range
     volatile  the servo changes it by itself, or by other commands: a changed value does not tell a restart
-    motion    writing it can set the servo in motion
+    motion    how writing it can move the servo; None if it cannot
     latched   what went wrong stays in it until 0 is written there
     live      bits that the servo sets and clears by itself, whatever is written there
     note      where the sources disagree: the erratum or manual section and the reading taken
@@ -169,7 +188,7 @@ class Register(Generic[T]):
         access: Access = Access.READ_WRITE,
         area: Area | None = None,
         volatile: bool = False,
-        motion: bool = False,
+        motion: Motion | None = None,
         latched: bool = False,
         live: int = 0,
         note: str = "",

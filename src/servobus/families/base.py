@@ -6,7 +6,6 @@ here. What only one family can do is a function in its own module, under its man
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from enum import IntEnum
 from typing import Any, ClassVar, TypeVar
 
 from servobus.core.exchange import Exchange, Now, Pause, Procedure, ReplyPattern, told
@@ -17,7 +16,18 @@ from servobus.core.values import frozen
 from servobus.errors import BadValue, BusError, NoReply, ServobusError, UsageError
 from servobus.families.change import before_told, check_pairs, pairs_touched
 from servobus.families.model import Model, Performance, SpecSheet
-from servobus.families.record import MotionPermit, ServoRecord
+from servobus.families.motion import (
+    AxisMove,
+    MotionStatus,
+    TorqueState,
+    begin_motion,
+    check_awake,
+    check_hold,
+    check_inside,
+    movement,
+    no_torque,
+)
+from servobus.families.target import Answers, KnownServo, ServoRef
 
 __all__ = [
     "LIMP",
@@ -35,6 +45,7 @@ __all__ = [
     "ServoRef",
     "SpecSheet",
     "StopOutcome",
+    "TorqueState",
     "adjacent",
     "blocks",
     "cannot",
@@ -59,57 +70,6 @@ SLACK = 2 * deg
 """Way to the nearer limit that a stop may make a servo go; assumption: about what a loaded shaft gives way."""
 
 
-class Answers(IntEnum):
-    """Which requests a servo answers (Status Return Level, ACK Policy)."""
-
-    NOTHING = 0
-    READS = 1
-    EVERYTHING = 2
-
-
-@frozen
-class ServoRef:
-    """The servo that an exchange is for: enough to read it, and to write to it as asked."""
-
-    id: int
-    model: type[Model]
-    answers: Answers
-
-    def __str__(self) -> str:
-        return self.model.named(f"id {self.id}")
-
-
-@frozen
-class KnownServo(ServoRef):
-    """A servo as a bus knows it. Whatever writes registers with care, or sets in motion, takes one of these.
-
-    Two of them are the same only if they are one object: two servos on one port may have the same id and model, at two
-    speeds. Where id, speed or policy change, another object takes the place of this one, with the same record and
-    permit.
-    """
-
-    id: int
-    model: type[Model]
-    answers: Answers
-    baud: int
-    record: ServoRecord
-    permit: MotionPermit
-
-    @classmethod
-    def of(cls, ref: ServoRef, baud: int) -> "KnownServo":
-        """Begin to keep a record of a servo at this speed: nothing was written to it so far."""
-        return cls(ref.id, ref.model, ref.answers, baud, ServoRecord(), MotionPermit())
-
-    def __eq__(self, other: object) -> bool:
-        return self is other
-
-    def __hash__(self) -> int:
-        return object.__hash__(self)
-
-    def __str__(self) -> str:
-        return self.model.named(f"id {self.id}")
-
-
 @frozen
 class Identity:
     """What a servo says about itself when asked."""
@@ -117,20 +77,6 @@ class Identity:
     number: int | None
     firmware: str
     answers: Answers
-
-
-@frozen
-class MotionStatus:
-    """What must be known before a move: where the servo is and what holds it back."""
-
-    position: float
-    """rad"""
-    torque: bool
-    low: int
-    high: int
-    """Position limits set in the servo, raw goal units."""
-    turning: bool
-    """In wheel, motor or infinite turn mode, where a goal does not move it."""
 
 
 @frozen
@@ -148,19 +94,6 @@ class StopOutcome:
 
 LIMP = StopOutcome("it drives nothing: its torque was off", let_go=True)
 TURNS_NO_MORE = StopOutcome("it turns no more")
-
-
-@frozen
-class AxisMove:
-    """One servo's part in a move."""
-
-    target: KnownServo
-    goal: int
-    """Raw goal position."""
-    distance: float
-    """rad, never negative"""
-    duration: float
-    """s, more than 0"""
 
 
 @frozen
@@ -196,6 +129,14 @@ class Family(ABC):
     """Whether a torque that an alarm has switched off comes back by itself when that is over."""
     keepable: ClassVar[tuple[str, ...]] = ()
     """What `reset` can leave alone: some of "id", "baud" and "calibration"."""
+    driven: ClassVar[int] = 1
+    """Raw value of torque_enable with which the servo is driven."""
+    torque_rows: ClassVar[tuple[str, ...]] = ("torque_enable",)
+    """Names of the registers that decide whether it is driven; see `torque_state`."""
+    holds_outside_limits: ClassVar[bool] = False
+    """Whether a servo whose torque comes on outside its limits holds where it is, and does not run to them."""
+    limits_turn: ClassVar[bool] = False
+    """Whether limits that are both 0 are endless turn."""
 
     def check_model(self, model: type[Model]) -> None:  # noqa: B027 - most families ask no more of a table
         """Raise TypeError for a table that the verbs of this family cannot use, when its class is made."""
@@ -231,9 +172,10 @@ class Family(ABC):
         """Write raw values where they act at once, in as few exchanges as the family allows.
 
         What lives in EEPROM is read first, and written only if it differs. Raises EepromWear if that was done too
-        often lately, UsageError if the servo has locked it, BadValue for a goal beyond `max_step`.
+        often lately, UsageError if the servo has locked it. What moves the servo obeys the rules of moves, see
+        `servobus.families.motion`; torque comes on as with `torque`.
         """
-        yield from self._set(target, values, keep=False)
+        yield from self._write_moving(target, values, keep=False)
 
     def store(self, target: KnownServo, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Write raw values where they survive power-off, if they differ from what is there; see `write`."""
@@ -242,7 +184,21 @@ class Family(ABC):
                 raise UsageError(
                     f"{register.model} {register.name} lives in RAM and is not saved: it is lost at power-off"
                 )
-        yield from self._set(target, values, keep=True)
+        yield from self._write_moving(target, values, keep=True)
+
+    def _write_moving(self, target: KnownServo, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
+        """Write what may move the servo, by the rules of moves."""
+        torque = target.model.register("torque_enable")
+        waking = torque in values and self.torque_on(values[torque])
+        others = {row: raw for row, raw in values.items() if not (waking and row is torque)}
+        if others:
+            if (yield from movement(target, others)) is not None:
+                begin_motion(target)
+            if target.model.register("goal_position") in others:  # what a move has set for itself is not for this goal
+                others = target.record.lent | others
+            yield from self._set(target, others, keep=keep)
+        if waking:
+            yield from self.torque(target, on=True)
 
     @abstractmethod
     def put(
@@ -281,10 +237,12 @@ class Family(ABC):
             else:
                 return
 
-    def _set(self, target: KnownServo, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
-        """Write with care: every write of registers but `put` and what stops a servo comes through here."""
+    def _set(self, target: KnownServo, values: Mapping[Register[Any], int], *, keep: bool = False) -> Procedure[None]:
+        """Write with care for EEPROM and record, and without asking what it moves: for verbs that see to that.
+
+        Every write of registers but `put` and what stops a servo comes through here.
+        """
         record = target.record
-        yield from self._check_step(target, values)
         yield from self._check_limits(target, values, keep=keep)
         worn = [register for register in values if self.wears(register, keep=keep)]
         before: dict[Register[Any], int] = {}
@@ -297,6 +255,8 @@ class Family(ABC):
             yield from self._check_unlocked(target, fresh)
         in_ram = {register: raw for register, raw in values.items() if not register.volatile and register.acts_in_ram}
         record.forget(in_ram)  # until it is known that they arrived
+        for register in values:
+            record.lent.pop(register, None)
         try:
             with before_told({row: before[row] for row in fresh if row in before}):
                 for part in _policy_last(target.model, values):
@@ -309,16 +269,6 @@ class Family(ABC):
         torque = target.model.register("torque_enable")
         if torque in values and self.torque_on(values[torque]):
             record.restarted = False
-
-    def _check_step(self, target: KnownServo, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Refuse goals that lie too far from where the servo is. Raises BadValue."""
-        goals = [register for register in values if register.motion and register.unit == "rad"]
-        if not goals or target.permit.max_step is None:
-            return
-        row = target.model.register("present_position")
-        (here,) = yield from self.read(target, [row])
-        for goal in goals:
-            target.permit.check_step(str(target), abs(goal.decode(values[goal]) - row.decode(here)))
 
     def _check_limits(self, target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
         """Refuse limits that would cross those beside which they are written, or which the servo has. Raises BadValue.
@@ -345,6 +295,19 @@ class Family(ABC):
     @abstractmethod
     def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
         """Read what a move must know."""
+
+    def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
+        """Tell whether the servo is driven from the values, by name, of the `torque_rows`."""
+        return TorqueState(bool(values["torque_enable"]))
+
+    def read_torque(self, target: ServoRef) -> Procedure[TorqueState]:
+        """Read whether the servo is driven."""
+        return self.torque_state((yield from self.read_values(target, self.torque_rows)))
+
+    def read_values(self, target: ServoRef, names: Iterable[str]) -> Procedure[dict[str, int]]:
+        """Read raw values by the names of their registers."""
+        rows = {name: target.model.register(name) for name in names}
+        return dict(zip(rows, (yield from self.read(target, list(rows.values()))), strict=True))
 
     def check_axis(self, axis: AxisMove) -> None:  # noqa: B027 - most families have nothing to add
         """Raise BadValue for a leg that this family cannot do, beyond what limits and times tell."""
@@ -436,9 +399,53 @@ class Family(ABC):
         where, low, high = (row.show(angle) for angle in (status.position, *map(row.decode, (status.low, status.high))))
         return StopOutcome(f"let go, its torque is off: it stood at {where}, outside its limits {low} .. {high}", True)
 
-    @abstractmethod
     def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
-        """Switch torque. On sets goal := present position first, so that nothing jumps."""
+        """Switch torque. With it nothing moves: goal := present position first. One that has it is left as it is.
+
+        Raises TorqueOff if the servo keeps its torque off, OutsideLimits if it would run to the nearest limit, BusError
+        if its torque did not come on.
+        """
+        enable = target.model.register("torque_enable")
+        if not on:
+            yield from self._set(target, {enable: 0})
+            return
+        target.permit.ask()
+        motion_status = yield from self.motion_status(target)
+        check_hold(target, motion_status)
+        target.permit.mark_moving()
+        if not motion_status.torque:
+            yield from self.settle(target, motion_status)
+        yield from self.switch_on(target)
+
+    def switch_on(self, target: KnownServo) -> Procedure[None]:
+        """Switch the torque on, whatever goal stands in the servo, and make sure that it is; see `torque`."""
+        enable = target.model.register("torque_enable")
+        for _ in range(2):  # what is not answered may be lost
+            yield from self._set(target, {enable: self.driven})
+            state = yield from self.read_torque(target)
+            if state.on:
+                return
+        if state.shutdown:
+            raise no_torque(target, state.shutdown)
+        raise BusError(f"{target}: the torque did not come on")
+
+    def borrow(self, target: KnownServo) -> Procedure[None]:
+        """Note what the speed, or time, of moves is in the servo, before a move sets its own."""
+        row = target.model.optional("goal_speed") or target.model.optional("goal_time")
+        if row is not None and row not in target.record.lent:
+            (target.record.lent[row],) = yield from self.read(target, [row])
+
+    def give_back(self, target: KnownServo) -> Procedure[None]:
+        """Set the speed, or time, of moves again that `borrow` noted, if that moves nothing."""
+        if target.record.lent:
+            yield from self._set(target, dict(target.record.lent))
+
+    @abstractmethod
+    def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """Make the present position the goal, and 0 the speed of endless turn, so that nothing goes on from here.
+
+        The servo stands within its limits, or holds outside of them by itself.
+        """
 
     def brake(self, target: KnownServo) -> Procedure[None]:
         """Short the motor. Raises UsageError where the family cannot."""
@@ -449,30 +456,47 @@ class Family(ABC):
     def push(self, target: ServoRef) -> Procedure[float]:
         """Read how hard the servo pushes, as a share 0 .. 1 of the output that it is allowed now."""
 
-    def sets_going(self, target: ServoRef, values: Mapping[Register[Any], int]) -> bool:
-        """Tell whether writing these raw values can set the servo in motion, or switches it on."""
-        torque = target.model.register("torque_enable")
-        return (torque in values and self.torque_on(values[torque])) or any(register.motion for register in values)
-
     @abstractmethod
     def read_alarms(self, target: ServoRef) -> Procedure[int]:
         """Ask which alarms stand now, as the family's own flags."""
 
     @abstractmethod
-    def rearm(self, target: KnownServo) -> Procedure[None]:
-        """Bring a servo back that switched its torque off, by the family's own rule.
+    def end_shutdown(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """Clear what keeps the torque off, by the family's own rule; the torque is off then, unless it was on.
 
-        Goal := present position before the torque comes on; one whose torque is on is left as it is. Raises
-        Refused, with the alarms as flags, if what switched it off is still there; then the torque stays off.
+        Raises Refused, with the alarms as flags, if what switched it off is still there.
         """
 
+    def rearm(self, target: KnownServo) -> Procedure[None]:
+        """Bring a servo back that switched its torque off: nothing moves, and one whose torque is on is left as it is.
+
+        Raises Refused, with the alarms as flags, if what switched it off is still there, OutsideLimits if it would run
+        to the nearest limit; then the torque stays off.
+        """
+        motion_status = yield from self.motion_status(target)
+        if not motion_status.torque:
+            check_inside(target, motion_status)
+        yield from self.end_shutdown(target, motion_status)
+        if not motion_status.torque:
+            yield from self.torque(target, on=True)
+
     def torque_on(self, raw: int) -> bool:
-        """Tell from the raw value of torque_enable whether the servo is driven."""
-        return raw != 0
+        """Tell from a raw value of torque_enable whether it is the one with which the servo is driven."""
+        return raw == self.driven
+
+    def about_to_turn(self, target: KnownServo) -> Procedure[MotionStatus]:
+        """Make sure that the servo would turn, and take note that it does. Raises TorqueOff, Stopped or Restarted."""
+        target.permit.ask()
+        check_awake(target)
+        motion_status = yield from self.motion_status(target)
+        if not motion_status.torque:
+            raise no_torque(target, motion_status.shutdown)
+        begin_motion(target)
+        return motion_status
 
     @abstractmethod
     def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
-        """Turn without end: wheel, motor or infinite turn mode.
+        """Turn without end: wheel, motor or infinite turn mode. The torque must be on.
 
         `speed` in rad/s where the servo controls its speed, `output` as a share -1 .. 1 of full output where
         it does not. Positive is the direction in which the position grows.
@@ -480,7 +504,11 @@ class Family(ABC):
 
     @abstractmethod
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
-        """Come back from `turn` and hold the present position. `limits` are raw position limits to set."""
+        """Come back from `turn` and hold the present position. `limits` are raw position limits to set.
+
+        Nothing moves, whatever goal the servo remembers. Raises OutsideLimits, before anything is written, if it has
+        torque and would run to the nearest of the new limits.
+        """
 
     # Light, life and identity
 

@@ -50,6 +50,7 @@ OPTIONAL = {
     "present_speed": "rad/s",
     "present_load": "1",
     "goal_speed": "rad/s",
+    "goal_time": "s",
     "output_limit": "1",
     "calibration": "",
 }
@@ -59,6 +60,7 @@ OPTIONAL = {
     baud           speed on the bus, for good
     answer_level   which requests it answers, as in `Answers`
     goal_speed     speed of the moves from now on, which a move by time sets
+    goal_time      time of a goal that is written, which a move sets
     output_limit   in RAM, bounds the output
     calibration    shifts the angles that are read; a factory reset may leave it alone as "calibration"
 """

@@ -31,16 +31,18 @@ class ServoRecord:
     most            EEPROM writes of one register within WINDOW, 1 or more; None takes the brake off
     eeprom_writes   values written to its EEPROM so far
     ram             raw values that we gave it and that it keeps by itself until it restarts
+    lent            speed, or time, of moves that it had, raw, before a move set its own
     restarted       whether it lost them, so that it must not be moved before the torque is switched on anew
     """
 
-    __slots__ = ("_recent", "clock", "eeprom_writes", "most", "ram", "restarted")
+    __slots__ = ("_recent", "clock", "eeprom_writes", "lent", "most", "ram", "restarted")
 
     def __init__(self) -> None:
         self.clock: Callable[[], float] = time.monotonic
         self.most: int | None = MOST
         self.eeprom_writes = 0
         self.ram: dict[Register[Any], int] = {}
+        self.lent: dict[Register[Any], int] = {}
         self.restarted = False
         self._recent: dict[str, list[float]] = {}
         """Register -> times of its last writes."""
@@ -81,6 +83,8 @@ class ServoRecord:
 
     def forget(self, registers: Iterable[Register[Any]] | None = None) -> None:
         """Expect nothing of these RAM values any more, or of all."""
+        if registers is None:
+            self.lent.clear()
         for register in list(self.ram if registers is None else registers):
             self.ram.pop(register, None)
 
@@ -116,12 +120,16 @@ class MotionPermit:
         """Whether something has ended its motion since it was set going."""
         return self.stopped or not self.driven
 
-    def mark_moving(self) -> None:
-        """Take note that it is set in motion or switched on now. Raises Stopped if that must not be."""
+    def ask(self) -> None:
+        """Raise Stopped if it must not be set in motion or switched on now."""
         if self.inhibited:
             raise Stopped(self.inhibited)
         if self.before_motion is not None:
             self.before_motion()
+
+    def mark_moving(self) -> None:
+        """Take note that it is set in motion or switched on now. Raises Stopped if that must not be."""
+        self.ask()
         self.driven, self.stopped = True, False
 
     def mark_idle(self) -> None:

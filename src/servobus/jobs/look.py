@@ -6,7 +6,7 @@ from servobus.core.exchange import Procedure, SetBaud
 from servobus.core.units import Raw, show
 from servobus.core.values import frozen
 from servobus.errors import Restarted
-from servobus.families.base import Family, Identity, KnownServo, ServoRef
+from servobus.families.base import Family, Identity, KnownServo, ServoRef, TorqueState
 
 
 @frozen
@@ -20,6 +20,9 @@ class Snapshot:
     temperature: float
     """°C"""
     torque: bool
+    """Whether it is driven."""
+    shutdown: str = ""
+    """What keeps its torque off until it is rearmed; "" if nothing does."""
     raw: tuple[int, int, int] | None = None
     """The raw values of the first three, where one of them has no unit."""
 
@@ -30,21 +33,21 @@ class Snapshot:
             f"{what} {raw} (raw)" if math.isnan(value) else show(value, unit)
             for (value, unit, what), raw in zip(values, raws, strict=True)
         ]
-        return f"{', '.join(said)}, torque {'on' if self.torque else 'off'}"
+        return f"{', '.join(said)}, {TorqueState(self.torque, self.shutdown)}"
 
 
 def look(target: ServoRef) -> Procedure[Snapshot]:
     """Read position, voltage, temperature and torque."""
-    names = ("present_position", "present_voltage", "present_temperature", "torque_enable")
-    rows = [target.model.register(name) for name in names]
-    raw = yield from target.model.family.read(target, rows)
-    torque = target.model.family.torque_on(raw[3])
+    family, shown = target.model.family, ("present_position", "present_voltage", "present_temperature")
+    raw = yield from family.read_values(target, dict.fromkeys((*shown, *family.torque_rows)))
+    torque = family.torque_state(raw)
+    rows = {name: target.model.register(name) for name in shown}
     position, voltage, temperature = (
-        math.nan if isinstance(row.scale, Raw) else row.decode(value, target)
-        for row, value in zip(rows[:3], raw, strict=False)
+        math.nan if isinstance(row.scale, Raw) else row.decode(raw[name], target) for name, row in rows.items()
     )
-    without_unit = (raw[0], raw[1], raw[2]) if target.model.unscaled(*names[:3]) else None
-    return Snapshot(position, voltage, temperature, torque, without_unit)
+    first, second, third = (raw[name] for name in shown)
+    without_unit = (first, second, third) if target.model.unscaled(*shown) else None
+    return Snapshot(position, voltage, temperature, torque.on, torque.shutdown, without_unit)
 
 
 def identify_at(family: Family, id: int, baud: int) -> Procedure[Identity]:

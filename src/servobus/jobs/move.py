@@ -1,18 +1,24 @@
 """Moves of one servo or several: planned, checked, started, and waited for."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from numbers import Real
+from typing import NoReturn
 
 from servobus.core.arguments import check_above_0
 from servobus.core.exchange import Now, Pause, Procedure, SetBaud
 from servobus.core.units import deg, finite, said, show
-from servobus.core.values import frozen
-from servobus.errors import BadValue, MoveTimeout, Stopped, TorqueOff, UsageError
-from servobus.families.base import AxisMove, KnownServo, MotionStatus, ServoRef, require_model
+from servobus.errors import BadValue, BusError, MoveTimeout, ServobusError, Stopped, TorqueOff, UsageError
+from servobus.families.base import AxisMove, KnownServo, ServoRef, require_model
+from servobus.families.motion import check_goal, inside_limits, no_torque, raw_position
+from servobus.jobs.make_safe import stop, stop_all
 
 DEFAULT_SPEED = 90 * deg
-"""Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try."""
+"""Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try. It is exceeded
+where a servo cannot be told as long a time as that takes."""
+GRACE = 2.0
+"""s after which a servo that should have arrived and has not counts as one that does not arrive."""
 SHORTEST = 0.02
 """Seconds that a move takes at least if its time follows from a speed: one to where it stands still is one too."""
 
@@ -22,18 +28,66 @@ ATTENTION = 0.05
 """s between two words to the watchdog while it cannot have arrived yet: well within the time-out of most."""
 
 
-@frozen
 class PlannedMove:
-    """A move of several servos: the goal of each, and when all should be there."""
+    """A move of several servos, and how far it has come once it has started.
 
-    axes: tuple[AxisMove, ...]
-    without_torque: tuple[KnownServo, ...]
-    """Servos whose torque was off when the move was planned."""
+    axes            the whole way of each servo
+    without_torque  servos whose torque was off when the move was planned
+    legs            what is sent one after the other: a way that takes longer than the servo can be told has several
+    began           when it started, by the clock of the port; None before that
+    over            whether it has ended: all have arrived, or it was cancelled, or it failed
+    """
+
+    def __init__(
+        self, axes: Sequence[AxisMove], without_torque: Sequence[KnownServo] = (), *, starts: Sequence[int]
+    ) -> None:
+        """Plan a way for each servo; `starts` are the raw positions of the servos now."""
+        self.axes, self.without_torque = tuple(axes), tuple(without_torque)
+        self.legs = _legs(self.axes, starts)
+        self.began: float | None = None
+        self.sent = 0
+        """Legs that are under way or done."""
+        self.due = self.arrival = math.inf
+        """When the next leg starts, and when all should be there."""
+        self.over = False
 
     @property
     def duration(self) -> float:
         """Seconds from start to arrival, the same for all."""
         return max(axis.duration for axis in self.axes)
+
+    @property
+    def given_up(self) -> bool:
+        """Whether the motion of one of the servos was ended by something else."""
+        return any(axis.target.permit.given_up for axis in self.axes)
+
+    def __str__(self) -> str:
+        ways = []
+        for axis in self.axes:
+            row = axis.target.model.register("goal_position")
+            ways.append(f"{axis.target} to {row.show(row.decode(axis.goal))}")
+        return f"{', '.join(ways)} in {show(self.duration, 's')}"
+
+
+def _legs(axes: Sequence[AxisMove], starts: Sequence[int]) -> list[tuple[AxisMove, ...]]:
+    """Cut the ways that take longer than their servos can be told into legs of the same time."""
+    longest = min(_longest(axis.target) for axis in axes)
+    duration = max(axis.duration for axis in axes)
+    count = max(1, math.ceil(duration / longest - 1e-9))
+    legs: list[list[AxisMove]] = [[] for _ in range(count)]
+    for axis, start in zip(axes, starts, strict=True):
+        if axis.duration <= _longest(axis.target):
+            legs[0].append(axis)
+            continue
+        for n, leg in enumerate(legs, 1):
+            goal = start + round((axis.goal - start) * n / count)
+            leg.append(AxisMove(axis.target, goal, axis.distance / count, axis.duration / count))
+    return [tuple(leg) for leg in legs]
+
+
+def _longest(target: KnownServo) -> float:
+    longest = target.model.max_move_time
+    return math.inf if longest is None else longest
 
 
 def plan(
@@ -45,8 +99,10 @@ def plan(
     time    seconds the move takes, or
     speed   rad/s of the servo that has the longest way; DEFAULT_SPEED if neither is given
 
+    A way that takes longer than a servo can be told at once is made in legs, which whoever waits sends.
+
     Raises BadValue for an angle, time or speed that cannot be, or for a step beyond `max_step`; UsageError for a servo
-    in endless turn.
+    in endless turn; TorqueOff for one that has shut down.
     """
     if not goals:
         raise UsageError("a move of no servos: give at least one goal")
@@ -58,28 +114,28 @@ def plan(
 
     raw = {target: raw_goal(target, angle) for target, angle in goals.items()}
     distances: dict[KnownServo, float] = {}
+    starts: dict[KnownServo, int] = {}
     without_torque = []
     for target in _by_kind(raw):
-        motion_status = yield from _checked(target, raw[target])
+        yield SetBaud(target.baud)
+        motion_status = yield from target.model.family.motion_status(target)
+        if motion_status.shutdown:
+            raise no_torque(target, motion_status.shutdown)
         if not motion_status.torque or target.record.restarted:
             without_torque.append(target)
-        row = target.model.register("goal_position")
-        distances[target] = abs(row.decode(raw[target]) - motion_status.position)
-        target.permit.check_step(str(target), distances[target])
+        distances[target] = check_goal(target, motion_status, raw[target])
+        starts[target] = raw_position(target, motion_status)
+    slowed = min(target.permit.speed_factor for target in goals)
     if time is None:
         time = max(max(distances.values()) / (speed or DEFAULT_SPEED), SHORTEST)
-    time /= min(target.permit.speed_factor for target in goals)
-    for target in goals:
-        longest = target.model.max_move_time
-        if longest is not None and time > longest:
-            raise BadValue(
-                f"a {target.model.family.title} move takes {show(longest, 's')} at most, "
-                f"this one would take {show(time, 's')}: go in steps, or faster"
-            )
-    axes = tuple(AxisMove(target, goal, distances[target], time) for target, goal in raw.items())
+        if speed is None:
+            time = min(time, slowed * min(_longest(target) for target in goals))
+    axes = [AxisMove(target, goal, distances[target], time / slowed) for target, goal in raw.items()]
     for axis in axes:
         axis.target.model.family.check_axis(axis)
-    return PlannedMove(axes, tuple(target for target in raw if target in without_torque))
+    return PlannedMove(
+        axes, [target for target in raw if target in without_torque], starts=[starts[target] for target in raw]
+    )
 
 
 def _by_kind(targets: Iterable[KnownServo]) -> list[KnownServo]:
@@ -90,34 +146,37 @@ def _by_kind(targets: Iterable[KnownServo]) -> list[KnownServo]:
     return [target for kind in kinds.values() for target in kind]
 
 
-def _checked(target: KnownServo, goal: int) -> Procedure[MotionStatus]:
-    """Read where a servo is. Raises UsageError or BadValue if it would not follow this raw goal."""
-    yield SetBaud(target.baud)
-    motion_status = yield from target.model.family.motion_status(target)
-    if motion_status.turning:
-        raise UsageError(
-            f"{target} turns without end; position_mode() or `servobus turn PORT {target.id} --end` ends that"
-        )
-    row = target.model.register("goal_position")
-    if not motion_status.low <= goal <= motion_status.high:
-        low, high = row.said(motion_status.low), row.said(motion_status.high)
-        raise BadValue(f"{target}: {row.said(goal)} is outside the limits set in it, {low} .. {high}")
-    return motion_status
-
-
 def start_move(move: PlannedMove) -> Procedure[None]:
     """Start a move that was planned, each family with as few packets as it allows, one family right after the other.
 
-    Raises Stopped, before anything moves, if one of its servos must not move now.
+    Raises Stopped, before anything moves, if one of its servos must not move now. Where it fails on the way all servos
+    that can be reached stay where they are, and the error says so.
     """
     for axis in move.axes:
-        axis.target.permit.mark_moving()
-    kinds: dict[tuple[str, int], list[AxisMove]] = {}
+        yield SetBaud(axis.target.baud)
+        yield from axis.target.model.family.borrow(axis.target)
     for axis in move.axes:
+        axis.target.permit.mark_moving()
+    move.began = yield Now()
+    try:
+        yield from _send_leg(move, move.began)
+    except BusError as error:
+        yield from _fail(move, error)
+
+
+def _send_leg(move: PlannedMove, now: float) -> Procedure[None]:
+    """Send the next leg, which starts at this time."""
+    axes, left = move.legs[move.sent], len(move.legs) - move.sent
+    step = move.duration / len(move.legs)
+    move.sent += 1
+    move.due = now + step if left > 1 else math.inf
+    move.arrival = now + left * step
+    kinds: dict[tuple[str, int], list[AxisMove]] = {}
+    for axis in axes:
         kinds.setdefault((axis.target.model.family.name, axis.target.baud), []).append(axis)
-    for axes in kinds.values():
-        yield SetBaud(axes[0].target.baud)
-        yield from axes[0].target.model.family.start_moves(axes)
+    for kind in kinds.values():
+        yield SetBaud(kind[0].target.baud)
+        yield from kind[0].target.model.family.start_moves(kind)
 
 
 def keep_moving(targets: Iterable[KnownServo]) -> None:
@@ -165,42 +224,154 @@ def raw_goal(target: ServoRef, angle: float) -> int:
 
 
 def wait_arrival(move: PlannedMove, *, timeout: float | None = None, tolerance: float = 3 * deg) -> Procedure[None]:
-    """Wait until all servos of a move stand still near their goals.
+    """Wait until all servos of a move stand still near their goals, and send its later legs meanwhile.
 
-    `timeout` is in seconds from now, by the port's clock; the move's own duration and 2 s by default. Raises
-    MoveTimeout when it is over, after one last look at most, or Stopped as soon as one of them does not come any more:
-    it was made safe, stopped, or its torque was switched off.
+    `timeout` is in seconds from now, by the port's clock; without it the wait ends GRACE after the move should have
+    arrived. Raises MoveTimeout when it is over, after one last look at most, or Stopped as soon as one of the servos
+    does not come any more: it was made safe, stopped, or its torque was switched off.
+
+    A move that fails is given up: all servos that can be reached stay where they are, and the error says so. It fails
+    by an error of the line, and by a time-out once a servo should have arrived and stands still, or GRACE after that.
     """
     if timeout is not None and ((seconds := finite(timeout)) is None or seconds < 0):
         raise BadValue(f"timeout {said(timeout)} is not a number of seconds")
-    began = yield Now()
-    end = began + (move.duration + 2.0 if timeout is None else timeout)
-    arrival = min(began + move.duration, end)
-    while not any(axis.target.permit.given_up for axis in move.axes) and (left := arrival - (yield Now())) > 0:
-        move.axes[0].target.permit.attend()
-        yield Pause(min(left, ATTENTION), shared=True)
-    # One that does not come any more is looked at first, so that Stopped is raised at once.
-    for axis in sorted(move.axes, key=lambda axis: not axis.target.permit.given_up):
-        yield from _wait_axis(axis, end, tolerance)
+    if move.began is None:
+        raise UsageError("this move has not started")
+    now = yield Now()
+    end = math.inf if timeout is None else now + timeout
+    try:
+        while not move.given_up and (now := (yield Now())) < min(move.arrival, end):
+            move.axes[0].target.permit.attend()
+            yield from _go_on(move, now)
+            yield Pause(min(move.due - now, move.arrival - now, end - now, ATTENTION), shared=True)
+        # One that does not come any more is looked at first, so that Stopped is raised at once.
+        for axis in sorted(move.axes, key=lambda axis: not axis.target.permit.given_up):
+            yield from _wait_axis(move, axis, min(end, max(now, move.arrival + GRACE)), timeout, tolerance)
+    except BusError as error:
+        yield from _fail(move, error)
+    yield from _end(move)
 
 
-def _wait_axis(axis: AxisMove, end: float, tolerance: float) -> Procedure[None]:
+def _go_on(move: PlannedMove, now: float) -> Procedure[None]:
+    """Send the next leg if it is due."""
+    if now >= move.due and not move.given_up:
+        yield from _send_leg(move, now)
+
+
+def _wait_axis(
+    move: PlannedMove, axis: AxisMove, end: float, timeout: float | None, tolerance: float
+) -> Procedure[None]:
     """Look at one servo again and again until it has arrived, or until this time."""
     target = axis.target
-    row = target.model.register("present_position")
     while True:
         target.permit.attend()
         given_up = target.permit.given_up
-        yield SetBaud(target.baud)
-        moving = yield from target.model.family.moving(target)
-        (raw,) = yield from target.model.family.read(target, [row])
-        if not moving and abs(row.decode(raw) - row.decode(axis.goal)) <= tolerance:
+        moving, here, there = yield from _look(axis, tolerance)
+        if there:
             return
-        here, goal = row.said(raw), row.said(axis.goal)
+        row = target.model.register("goal_position")
+        goal = row.show(row.decode(axis.goal))
         if given_up:
             raise Stopped(
                 f"{target} is at {here} and goes to {goal} no more: it was stopped or its torque switched off"
             )
-        if (left := end - (yield Now())) <= 0:
-            raise MoveTimeout(f"{target} is at {here} and did not reach {goal}")
-        yield Pause(min(left, LOOK), shared=True)
+        now = yield Now()
+        if now >= end:
+            within = "" if timeout is None else f" within the timeout of {timeout:g} s"
+            late = MoveTimeout(f"{target} is at {here} and did not reach {goal}{within}")
+            if now < move.arrival + (GRACE if moving else 0.0):
+                raise _told(late, "it is still on its way")
+            yield from _fail(move, late)
+        yield Pause(min(end - now, LOOK), shared=True)
+
+
+def _look(axis: AxisMove, tolerance: float) -> Procedure[tuple[bool, str, bool]]:
+    """Look at one servo: whether it moves, where it is, and whether it stands near its goal."""
+    target = axis.target
+    row = target.model.register("present_position")
+    yield SetBaud(target.baud)
+    moving = yield from target.model.family.moving(target)
+    (raw,) = yield from target.model.family.read(target, [row])
+    goal = target.model.register("goal_position").decode(axis.goal)
+    return moving, row.show(row.decode(raw)), not moving and abs(row.decode(raw) - goal) <= tolerance
+
+
+def has_ended(move: PlannedMove, *, tolerance: float = 3 * deg) -> Procedure[bool]:
+    """Tell whether a move has ended: all have arrived, or something has ended the motion of one of them.
+
+    Sends the next leg if it is due. Asks nothing before the servos should be there, and nothing once it has ended.
+    """
+    if move.over or move.given_up:
+        return True
+    now = yield Now()
+    yield from _go_on(move, now)
+    if now < move.arrival:
+        return False
+    for axis in move.axes:
+        *_, there = yield from _look(axis, tolerance)
+        if not there:
+            return False
+    yield from _end(move)
+    return True
+
+
+def cancel(move: PlannedMove) -> Procedure[None]:
+    """Stop all servos of a move where they are, unless it has ended: each, even if one fails.
+
+    Then it raises the first failure.
+    """
+    if move.over:
+        return
+    outcomes = yield from stop_all([axis.target for axis in move.axes])
+    yield from _end(move)
+    for outcome in outcomes.values():
+        if isinstance(outcome, BusError):
+            raise outcome
+
+
+def _end(move: PlannedMove) -> Procedure[None]:
+    """Set the speeds of moves again that stood in the servos before; what does not succeed the next write does."""
+    move.over = True
+    for axis in move.axes:
+        yield SetBaud(axis.target.baud)
+        with suppress(BusError):
+            yield from axis.target.model.family.give_back(axis.target)
+
+
+def _fail(move: PlannedMove, why: ServobusError) -> Procedure[NoReturn]:
+    """Give a move up: make the present position the goal of all its servos, and raise why, with what became of them."""
+    said = []
+    for axis in move.axes:
+        yield SetBaud(axis.target.baud)
+        try:
+            state = yield from _stay(axis.target)
+        except BusError as error:
+            said.append(f"{axis.target} cannot be reached and may go on ({error})")
+        else:
+            said += [f"{axis.target} {state}"] if state else []
+    yield from _end(move)
+    held = "it stays where it is" if len(move.axes) == 1 else "all stay where they are"
+    raise _told(why, "; ".join(said) or held)
+
+
+def _stay(target: KnownServo) -> Procedure[str]:
+    """Make the present position the goal, also for when the torque comes back. Tells what is wrong with the torque."""
+    family = target.model.family
+    motion_status = yield from family.motion_status(target)
+    if motion_status.turning:
+        return ""
+    if motion_status.torque or motion_status.shutdown:
+        if inside_limits(target, motion_status):
+            yield from family.settle(target, motion_status)
+        else:
+            yield from stop(target)
+        target.permit.stopped = True
+    if motion_status.shutdown:
+        return f"has shut down ({motion_status.shutdown}); rearm() or `servobus rearm PORT {target.id}` brings it back"
+    return "" if motion_status.torque else "has no torque any more"
+
+
+def _told(error: ServobusError, more: str) -> ServobusError:
+    """Add to what an error says."""
+    error.args = (f"{error}; {more}", *error.args[1:])
+    return error

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from servobus.core.exchange import Batch, Exchange, LateAnswers, Lateness, Pause, Procedure, SetBaud
+from servobus.core.exchange import Batch, Exchange, LateAnswers, Lateness, Pause, Procedure, SetBaud, Settle
 from servobus.core.ids import LAST_ID, check_id
 from servobus.core.values import frozen
 from servobus.errors import BusError, NoReply, UnknownName, UsageError
@@ -132,20 +132,21 @@ Watcher = Callable[[ScanProgress], None]
 
 def scan(
     families: Sequence[Family],
-    bauds: Sequence[int] | None = None,
+    bauds: Sequence[int] | Mapping[str, Sequence[int]] | None = None,
     ids: Iterable[int] = range(LAST_ID + 1),
     watch: Watcher | None = None,
     survey: ScanResult | None = None,
     identify: Identify = by_number,
 ) -> Procedure[ScanResult]:
-    """Ask every id of every family at every speed whether it is there. Moves nothing, changes nothing.
+    """Ask every id of every family at every speed whether it is there, each once. Moves nothing, changes nothing.
 
-    `bauds` None means the factory speeds of each family's models. What is found is put into `survey` at once, so it is
-    there even if the scan is broken off. Servos whose answers come after they were given up are asked again, with the
-    patience that this has taught the link; a line on which nothing comes late costs `LATE` s once.
+    `bauds` are speeds for all families, or family -> speeds; None means the factory speeds of each family's models.
+    What is found is put into `survey` at once, so it is there even if the scan is broken off. Servos whose answers come
+    after they were given up are asked again, with the patience that this has taught the link; a line on which nobody
+    answers costs `LATE` s once.
     """
-    wanted = [check_id(id) for id in ids]
-    rounds = [(baud, family) for family in families for baud in bauds or registry.factory_bauds(family)]
+    wanted = list(dict.fromkeys(check_id(id) for id in ids))
+    rounds = in_order(families, bauds)
     survey = ScanResult() if survey is None else survey
     done = 0
     asked: list[tuple[int, Family]] = []
@@ -154,7 +155,7 @@ def scan(
         if watch is not None:
             watch(ScanProgress(done, len(rounds) * len(wanted), family, baud, id, found))
 
-    for baud, family in sorted(rounds, key=lambda item: item[0]):
+    for baud, family in rounds:
         asked.insert(0, (baud, family))
         yield SetBaud(baud)
         for start in range(0, len(wanted), AT_ONCE):
@@ -170,8 +171,12 @@ def scan(
                         found = yield from _met(family, id, baud, survey, identify)
                     tell(family, baud, id, found)
                 some = some[len(answers) :]
-        yield from _ask_late_ones_again(asked, 0.0, survey, identify, tell)
-    yield from _ask_late_ones_again(asked, LATE, survey, identify, tell)
+        wait = LATE if (baud, family) == rounds[-1] else 0.0
+        yield from _ask_late_ones_again(asked, wait, survey, identify, tell)
+        here = [other for speed, other in rounds if speed == baud]
+        if family is here[-1]:
+            for other in here:
+                yield Settle(other.framing)
     return survey
 
 
@@ -195,6 +200,22 @@ def _ask_late_ones_again(
             yield SetBaud(baud)
             if found := (yield from _met(family, id, baud, survey, identify)):
                 tell(family, baud, id, found)
+
+
+def in_order(
+    families: Sequence[Family], bauds: Sequence[int] | Mapping[str, Sequence[int]] | None
+) -> list[tuple[int, Family]]:
+    """Give each speed and family to ask once, the slowest speed first; see `scan`.
+
+    At one speed those come first that hear requests alone, on a wire of their own: requests to other families are all
+    that can spoil theirs.
+    """
+    rounds = {
+        (baud, family): None
+        for family in families
+        for baud in (bauds[family.name] if isinstance(bauds, Mapping) else bauds or registry.factory_bauds(family))
+    }
+    return sorted(rounds, key=lambda item: (item[0], not item[1].full_duplex))
 
 
 def _met(family: Family, id: int, baud: int, survey: ScanResult, identify: Identify) -> Procedure[FoundServo | None]:

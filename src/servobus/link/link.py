@@ -46,7 +46,7 @@ from enum import Enum
 from time import monotonic
 from typing import Any, Final, TypeVar
 
-from servobus.core.exchange import Batch, Exchange, Job, LateAnswers, Now, Pause, ReplyPattern, SetBaud, Step
+from servobus.core.exchange import Batch, Exchange, Job, LateAnswers, Now, Pause, ReplyPattern, SetBaud, Settle, Step
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.replies import ReplyCollector
@@ -54,6 +54,7 @@ from servobus.errors import BrokenEcho, BusError, LineBusy, ServobusError, Stopp
 from servobus.link.asking import Asking
 from servobus.link.fence import fenced
 from servobus.link.line_clock import LineClock, Timing
+from servobus.link.overheard import Overheard
 from servobus.link.pipeline import Pipeline
 from servobus.link.reply_log import ReplyLog
 from servobus.link.stats import Counts, Stats
@@ -112,6 +113,7 @@ class Link:
         self.log = ReplyLog(transport, self._clock, heard, alarmed, stats)
         self.latency = self.log.latency
         self._pipeline = Pipeline()
+        self._overheard = Overheard()
         self._asking = Asking(
             transport,
             self._clock,
@@ -178,6 +180,9 @@ class Link:
             wait = 0.0 if self.latency.answers else step.wait
             yield from self._listen_late(self.transport.now() + wait)
             return self.log.take_late()
+        if isinstance(step, Settle):
+            yield from self._until(self._clock.clear_at)
+            yield from self._end_foreign(step.framing, "the end of the requests to other families")
         if isinstance(step, Pause):
             yield from self._until(self._clock.clear_at)
             yield Rest(step.seconds, step.shared)
@@ -194,6 +199,7 @@ class Link:
         yield from self._until(self._clock.settled_at)
         self.check()
         self.transport.set_baud(baud)
+        self._overheard.forget()
         self._timings.clear()
         self._clock.note_baud()
 
@@ -221,6 +227,7 @@ class Link:
         link.state = UNSURE
         link.log.follow(log)
         link.latency, link._probing = log.latency, self._probing
+        link._overheard = self._overheard
         link._clock.follow(self._clock, log.latency.reply_margin)
         if self.state is WAITING:
             link.log.note_under_way(self._under_way)
@@ -236,6 +243,9 @@ class Link:
         """Send at once if nothing stands against it; give the seconds to listen, or 0 if it takes the long way."""
         if self.state is not IDLE or self.superseded or self.transport.pending():
             return 0.0
+        framing, overheard = exchange.framing, self._overheard
+        if framing is not overheard.last and overheard.padding(framing, self.transport.now(), exchange.request):
+            return 0.0
         timing = self._timings.get(exchange)
         if timing is None:
             if exchange.reply is None or not exchange.repeatable:
@@ -245,6 +255,7 @@ class Link:
         self.state = WAITING  # before the write: if Ctrl-C ends it, the next question knows of this one
         self._began = monotonic()
         self.transport.write(exchange.request)
+        overheard.note(self._began + timing.wire, framing, exchange.request)
         self._timing = timing  # what follows costs no time: the servo is at work
         timing.counts.sent += 1
         return timing.window + self.latency.reply_margin
@@ -384,10 +395,13 @@ class Link:
         self.transport.write(data)
         clock = self._clock
         clock.note_sent(now, len(data), answered=bool(last.replies))
+        if last.id == BROADCAST and last.repeatable and not last.replies:
+            self.log.note_asked_all(last)
         if last.replies:
             self._deadline = clock.clear_at + clock.longest_answer(last) + self.latency.reply_margin
         else:
             self._deadline = clock.clear_at if self.echo is False else clock.settled_at
+        self._overheard.note(clock.clear_at, last.framing, data)
 
     def _receive(
         self, collector: ReplyCollector, until: float, left: Sequence[float], wanted: int | None = None
@@ -476,7 +490,9 @@ class Link:
         if exchanges[0].anyway:
             self.state = UNSURE  # whatever comes now belongs to nothing
             return {}
-        yield from self._quiet(exchanges[0])
+        yield from self._quiet(exchanges[0].framing, exchanges[0].what)
+        if exchanges[0].framing is not self._overheard.last:
+            yield from self._end_foreign(exchanges[0].framing, exchanges[0].what, exchanges[0].request)
         refused: dict[int, BusError] = {}
         asked = [(exchange, reply) for exchange in exchanges for reply in exchange.replies or (None,)]
         for n, (exchange, reply) in enumerate(asked):
@@ -489,13 +505,26 @@ class Link:
         if refused and len(asked) == 1:
             raise refused[0]
         if refused and len(refused) < len(asked):
-            yield from self._quiet(exchanges[0])
+            yield from self._quiet(exchanges[0].framing, exchanges[0].what)
         return refused
 
-    def _quiet(self, exchange: Exchange[Any]) -> Waits[None]:
+    def _end_foreign(self, framing: Framing, what: str, request: bytes = b"") -> Waits[None]:
+        """End the packet that servos of this kind wait for since they heard what was meant for another family."""
+        padding = self._overheard.padding(framing, self.transport.now(), request)
+        if not padding:
+            return
+        self.check()
+        self.state = UNSURE  # some servos answer that the packet was wrong, and an adapter may echo
+        self.transport.write(padding)
+        self._clock.note_sent(self.transport.now(), len(padding), answered=False)
+        self._overheard.note(self._clock.clear_at, framing, padding)
+        yield from self._until(self._clock.clear_at)
+        yield from self._quiet(framing, what)
+
+    def _quiet(self, framing: Framing, what: str) -> Waits[None]:
         """Take out what came although nothing was asked, and wait until no more comes. Raises LineBusy if it does."""
         if leftover := self.transport.discard():
-            self.log.note_leftover(leftover, exchange.framing)
+            self.log.note_leftover(leftover, framing)
             self.state = UNSURE
         if self.state is not UNSURE:
             return
@@ -506,9 +535,9 @@ class Link:
             heard += chunk
             if self.transport.now() > abandon:
                 said = f"{len(heard)} bytes came in 0.25 s although nothing was asked: another master, or noise?"
-                raise LineBusy(f"{exchange.what}: not sent, the line is never quiet: {said}", bytes(heard))
+                raise LineBusy(f"{what}: not sent, the line is never quiet: {said}", bytes(heard))
         if heard:
-            self.log.note_leftover(bytes(heard), exchange.framing)
+            self.log.note_leftover(bytes(heard), framing)
         self.state = CAREFUL
 
     def _fenced(self, exchange: Exchange[Any], reply: ReplyPattern, id: int) -> Waits[BusError | None]:

@@ -8,7 +8,7 @@ from servobus.core.framing import Framing, Noise, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.replies import duplicate
 from servobus.errors import BrokenEcho, BusError, DuplicateId, NoReply, Refused
-from servobus.link.late_replies import LateReplies
+from servobus.link.late_replies import SLOWEST, LateReplies
 from servobus.link.latency import Latency
 from servobus.link.line_clock import LineClock
 from servobus.link.stats import Counts, Stats
@@ -39,6 +39,8 @@ class ReplyLog:
         """The last question that was answered."""
         self.came_late: set[tuple[Framing, int]] = set()
         """Servos that have answered after they had been given up."""
+        self._asked_all: dict[Framing, float] = {}
+        """Until when answers may come to a question to all servos, for which none is waited."""
         self.heard, self.alarmed = heard, alarmed
         self._transport, self._clock = transport, clock
 
@@ -67,6 +69,10 @@ class ReplyLog:
         return self.stats.servo(exchange.framing.name, id, self._transport.baud)
 
     # What came
+
+    def note_asked_all(self, exchange: Exchange[Any]) -> None:
+        """Take note of a question to all servos that need not be answered, such as a PING: some models do."""
+        self._asked_all[exchange.framing] = self._transport.now() + SLOWEST
 
     def note_reply(self, exchange: Exchange[Any], reply: ReplyPattern, packet: Packet, late: float) -> None:
         """Take note of a reply that came this many seconds later than its bits allow."""
@@ -104,7 +110,8 @@ class ReplyLog:
         leftover = self.without_late(leftover, framing)
         for event in framing.decode(leftover):
             if isinstance(event, Packet):
-                known = self.late_replies.expects(framing, event)
+                asked = self._transport.now() < self._asked_all.get(framing, 0.0)
+                known = asked or self.late_replies.expects(framing, event)
                 if last is not None and not known and any(reply.fits(event) for reply in last.replies):
                     self.counts(last, event.id).doubled += 1
                     self.late_replies.note_overtaken(framing, event.id, None, self._transport.now())

@@ -25,7 +25,7 @@ FRAME_PART = re.compile(
     r"start( bit)?|stop( bit)?|parity( bit| ok)?|[stp01]|frame( error)?|break( condition)?", re.IGNORECASE
 )
 DIGITS = re.compile(r"(?:0x)?[0-9a-fA-F]{2}|\d{1,3}")
-OFFSET = re.compile(r"([0-9a-fA-F]{4,16})(:\s+|\s{2,}|\s+)(?=\S)")
+OFFSET = re.compile(r"(?:0x)?([0-9a-fA-F]{4,16})(:\s+|\s{2,}|\s+)(?=\S)")
 OCTAL_DIGITS = 7
 """Digits of the offsets of od, which are octal, and of hexdump without -C, which writes words of two bytes."""
 TO_HEX = "set the display of its values to hexadecimal and export it again"
@@ -116,7 +116,9 @@ def _dump(lines: Sequence[str]) -> Export | None:
     filled = [line.rstrip() for line in lines if line.strip()]
     heads = [OFFSET.match(line.strip()) for line in filled]
     marked = any(head and head[2].startswith(":") for head in heads) or any("|" in line for line in filled)
-    if not filled or heads[0] is None or not (marked or len(filled) > 1):
+    if not filled or heads[0] is None:
+        return None
+    if not (marked or len(filled) > 1 or re.fullmatch("0{6,}", heads[0][1])):
         return None
     if not marked and not re.fullmatch("0+", heads[0][1]):
         return None
@@ -144,7 +146,8 @@ def _dumped(lines: Sequence[str], base: int) -> bytes | None:
         if line == "*" and row:
             repeated = True
             continue
-        whole = OFFSET.match(line + " .") if re.fullmatch(r"[0-9a-fA-F]{4,16}", line) else OFFSET.match(line)
+        ends = re.fullmatch(r"(?:0x)?[0-9a-fA-F]{4,16}:?", line) is not None
+        whole = OFFSET.match(line.removesuffix(":") + " .") if ends else OFFSET.match(line)
         try:
             offset = int(whole[1], base) if whole else -1
         except ValueError:
@@ -156,7 +159,7 @@ def _dumped(lines: Sequence[str], base: int) -> bytes | None:
             repeated = False
         if whole is None or offset != first + len(data):
             return None
-        rest = line[whole.end() :] if len(line) > len(whole[1]) else ""
+        rest = "" if ends else line[whole.end() :]
         row = _dump_row(rest)
         if rest and not row:
             return None

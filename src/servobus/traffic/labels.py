@@ -25,7 +25,9 @@ CLOCK = r"(?:\d{4}-\d\d-\d\d[T ])?(\d{1,2}):(\d\d):(\d\d)(?:[.,](\d+))?(?:Z|[+-]
 SECONDS = r"(\d+\.\d+)\s*(ms|us|µs|s)?"
 UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "s": 1.0, None: 1.0}
 DATE = r"\d{4}[-/]\d\d[-/]\d\d"
-NAME = r"[A-Za-z][A-Za-z0-9]*"
+NAME = r"[^\W\d_]\w*"
+LEVELS = re.compile(r"(?:debug|info|notice|warn|warning|error|trace|verbose|log)\b[\s:,\]-]*", re.IGNORECASE)
+"""Levels of a log, which say nothing of the bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +73,7 @@ def _step(text: str) -> tuple[Label, str] | None:
             return said, rest
     if (number := re.match(r"#\s*\d+[:.)]?\s+", text)) and "#" not in text[number.end() :]:
         return Label(), text[number.end() :]
-    if (clock := re.match(CLOCK + r"(?![\w:])[\s:,|-]*", text)) and _is_clock(clock, text[clock.end() :]):
+    if (clock := re.match(CLOCK + r"(?![\w:])[\s:,;|-]*", text)) and _is_clock(clock, text[clock.end() :]):
         return Label(_seconds(clock)), text[clock.end() :]
     if seconds := re.match(SECONDS + r"(?![\w.])\s*[:,;|]?\s*", text):
         return Label(float(seconds[1]) * UNITS[seconds[2]]), text[seconds.end() :]
@@ -79,6 +81,8 @@ def _step(text: str) -> tuple[Label, str] | None:
         return Label(), text[date.end() :]
     if arrow := re.match(rf"({ARROW})\s*", text):
         return Label(direction=ARROWS[arrow[1]]), text[arrow.end() :]
+    if level := LEVELS.match(text):
+        return Label(), text[level.end() :]
     return _named(text)
 
 
@@ -101,7 +105,7 @@ def _bracketed(inside: str, rest: str) -> Label | None:
         return None if re.match(r"[\[(]\s*[0-9a-fA-F]{1,3}\s*[\])]", rest) else Label()
     if arrow := ARROWS.get(inside):
         return Label(direction=arrow)
-    if re.fullmatch(r"[A-Za-z][A-Za-z0-9\s:#.]*", inside) and not re.fullmatch(r"[0-9a-fA-FxXhH\s]+", inside):
+    if re.fullmatch(rf"{NAME}[\w\s:#.]*", inside) and not re.fullmatch(r"[0-9a-fA-FxXhH\s]+", inside):
         return Label(direction=direction_of(inside))
     return None
 
@@ -109,13 +113,27 @@ def _bracketed(inside: str, rest: str) -> Label | None:
 def _named(text: str) -> tuple[Label, str] | None:
     """Read a name before bytes: TX FF FF, Sent packet: FF FF, servo -> PC: FF FF."""
     first = re.match(NAME, text)
-    if first is None or re.fullmatch(r"[0-9a-fA-F]+[hH]?|[xX][0-9a-fA-F]+", first[0]):
+    if first is None:
         return None
-    if named := re.match(rf"([A-Za-z0-9 \t#./_()\-]{{1,60}}?)\s*(?::|=(?!=)|{ARROW})\s*(?=\S)", text):
-        return Label(direction=direction_of(named[1])), text[named.end() :]
-    if (direction := direction_of(first[0])) and re.match(r"\s+\S", text[first.end() :]):
-        return Label(direction=direction), text[first.end() :].lstrip()
+    if re.fullmatch(r"[0-9a-fA-F]+[hH]?|[xX][0-9a-fA-F]+", first[0]):
+        # A: FF FF names a channel; bytes that colons join have more colons.
+        channel = re.match(r"[A-Fa-f]:\s+(?=[^:]+$)", text)
+        return None if channel is None else (Label(), text[channel.end() :])
+    if named := re.match(rf"([\w \t#./()\-]{{1,60}}?)\s*(?::|=(?!=)|({ARROW}))\s*(?=\S)", text):
+        direction = direction_of(named[1]) or (ARROWS[named[2]] if named[2] else None)
+        return Label(direction=direction), text[named.end() :]
+    if (direction := direction_of(first[0])) and (gap := re.match(r"[\s,;|]+(?=\S)", text[first.end() :])):
+        return Label(direction=direction), text[first.end() + gap.end() :]
     return None
+
+
+def names_what_follows(line: str) -> Label | None:
+    """Read a line that is nothing but a label, of the bytes on the lines below it; None for other lines."""
+    label, rest = strip_label(line)
+    named = re.fullmatch(rf"#?\s*({NAME}[\w \t#./()\-]{{0,60}}?)\s*(?::|{ARROW})", rest)
+    if named is None or re.fullmatch(r"[0-9a-fA-F\s]+", named[1]):
+        return None
+    return replace(label, direction=label.direction or direction_of(named[1]))
 
 
 def direction_of(name: str) -> Direction | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from servobus.errors import UsageError
 from servobus.traffic import exports
-from servobus.traffic.labels import Label, strip_label, without_numbers
+from servobus.traffic.labels import Label, names_what_follows, strip_label, without_numbers
 from servobus.traffic.recording import Chunk, Direction
 
 HEX, DECIMAL, SIGNED, BINARY = "hexadecimal", "decimal", "signed decimal", "binary"
@@ -28,15 +28,22 @@ BARE = re.compile(r"-?[0-9a-fA-F]+")
 BITS = re.compile(r"0[bB][01]{3,8}")
 STRING = re.compile(r"""(?<![\w'"])([bBrRuU]{0,2})("(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*')""")
 CAST = re.compile(r"\(\s*(?:unsigned\s+char|signed\s+char|char|u?int8_t|byte|u8)\s*\)")
-ASSIGNED = re.compile(r"([A-Za-z_][\w .*&<>]*)(?:\[\s*\w*\s*\][\w .*&<>]*)*\s*=(?!=)(?:\s*new\s+\w+\s*\[\s*\w*\s*\])?")
+ASSIGNED = re.compile(
+    r"(?<![\w$#\\])([A-Za-z_][\w .*&<>]{0,60})(?:\[\s*\w*\s*\][\w .*&<>]{0,60}){0,3}\s*=(?!=)"
+    r"(?:\s*new\s+\w+\s*\[\s*\w*\s*\])?"
+)
 OF_HEX = re.compile(r"""(?:fromhex|unhexlify|a2b_hex)\s*\(\s*b?(["'])([0-9a-fA-F\s]*)\1""")
-CALL = re.compile(r"[A-Za-z_][\w.]*\s*\(")
+CALL = re.compile(r"(?<![\w$#\\])((?:\[\s*\])?[A-Za-z_&][\w:<>!&*. ]{0,60}?|&)\s*(?=[\[({])")
 COMMENT = re.compile(
     r"/\*.*?\*/|//[^\n]*|(?<!\S)#(?!\s*\d|[0-9a-fA-F]{2}\b)[^\n]*"
     r"|(?<=\S)[ \t]+#(?![0-9a-fA-F]{1,2}\b)[^\n]*",
     re.DOTALL,
 )
-OFFSET = re.compile(r"\s*([0-9a-fA-F]{4,16}:)\s")
+OFFSET = re.compile(r"\s*((?:0x)?[0-9a-fA-F]{4,16}(?:-[0-9a-fA-F]{4,16})?:)\s")
+COUNTED = re.compile(r"[(\[]\s*(?:len\s*=?\s*)?\d+\s*(?:bytes?|B)\s*[)\]]", re.IGNORECASE)
+SYMBOLS = re.compile("[\u25a0-\u25ff]+")
+"""Squares and the like, with which terminal programs mark what they show."""
+BUFFER = re.compile(r"<Buffer\s+([0-9a-fA-F\s]*)>")
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,18 +135,28 @@ def _ordered(chunks: Sequence[Chunk], how: str, detail: str, *, timed: bool) -> 
 
 def _lines(text: str) -> list[_Line]:
     """Take the words that are to be bytes out of each line, and what stands before them."""
-    text = OF_HEX.sub(_of_hex, text)
+    text = BUFFER.sub(r" \1 ", COUNTED.sub(" ", SYMBOLS.sub(" ", OF_HEX.sub(_of_hex, text))))
     text = COMMENT.sub(lambda found: "\n" * found[0].count("\n"), STRING.sub(_unquoted, text))
     raws = text.split("\n")
-    lines = []
+    lines, above = [], Label()
     for number, (raw, line) in enumerate(zip(raws, without_numbers(raws), strict=True), 1):
         if offset := OFFSET.match(raw):
             raise UsageError(
                 f"line {number}: {offset[1]!r} looks like an offset and does not count the bytes before; leave it out"
             )
+        if (named := names_what_follows(line)) is not None:
+            above = named
+            continue
         label, rest = strip_label(line)
-        labelled = rest != raw.strip()
-        rest = CALL.sub(" ( ", ASSIGNED.sub(_left_out, CAST.sub(" ", rest)))
+        labelled = rest != raw.strip() or above != Label()
+        if above != Label():
+            label = replace(
+                label,
+                time=above.time if label.time is None else label.time,
+                direction=label.direction or above.direction,
+            )
+        if re.search(r"[=\[({]", rest):
+            rest = CALL.sub(_left_out, ASSIGNED.sub(_left_out, CAST.sub(" ", rest)))
         coded = bool(re.search(r"[{}()\[\]]", rest))
         rest = re.sub(r"\\[xX]([0-9a-fA-F]{1,2})", r" 0x\1 ", rest)
         words = tuple(part for word in SEPARATORS.split(rest) for part in _parts(word))
@@ -154,8 +171,14 @@ def _of_hex(found: re.Match[str]) -> str:
 
 
 def _left_out(found: re.Match[str]) -> str:
-    """Leave the name of a variable out, unless it may be bytes."""
-    return found[0] if all(re.fullmatch("[0-9a-fA-F]*", word) for word in found[1].split()) else " "
+    """Leave the name of a variable or a function out, unless some of it may be bytes."""
+    words = re.findall(r"\w+", found[1])
+    bytes_in_it = any(re.fullmatch("[0-9a-fA-F]{2}|[0-9]+", word) or EXPLICIT.fullmatch(word) for word in words)
+    return found[0] if bytes_in_it or _is_hex(words) else " "
+
+
+def _is_hex(words: Sequence[str]) -> bool:
+    return bool(words) and all(re.fullmatch("[0-9a-fA-F]+", word) for word in words)
 
 
 def _unquoted(found: re.Match[str]) -> str:

@@ -8,13 +8,13 @@ import pytest
 from servobus import RX28, NoReply, TorqueOff, deg
 from servobus.bus.asyncio import AsyncBus
 from servobus.transports.base import Transport
-from unit.bus.test_blocking import ANSWER, OK, TEMPERATURE, motion_status
+from unit.bus.test_blocking import ANSWER, OK, TEMPERATURE, motion_status, torque_state
 from unit.scripted import Scripted
 
 
 def test_read_write_and_torque() -> None:
     async def main() -> None:
-        port = Scripted(ANSWER, motion_status(0, 512), motion_status(0, 512), OK, OK, OK)
+        port = Scripted(ANSWER, motion_status(0, 512), motion_status(0, 512), OK, OK, torque_state(1), OK)
         async with AsyncBus(port, echo=False) as bus:
             elbow = bus.attach(RX28, 1)
             assert await elbow.read(RX28.present_temperature) == 32.0

@@ -198,6 +198,7 @@ def test_unknown_servo_names_the_remedy() -> None:
         bus[1]
 
 
+SPEED_0 = "FF FF 01 04 00 00 00 FA"
 STANCE = "FF FF 01 04 02 06 20 D2"  # read 6..37: limits, torque enable, present position
 
 
@@ -206,8 +207,15 @@ def motion_status(torque: int, position: int) -> str:
     data = bytearray(32)
     data[2:4] = (1023).to_bytes(2, "little")
     data[24 - 6] = torque
+    data[34 - 6 : 36 - 6] = (1023).to_bytes(2, "little")  # torque limit
     data[30:32] = position.to_bytes(2, "little")
     body = bytes([1, 34, 0]) + data
+    return (b"\xff\xff" + body + bytes([~sum(body) & 0xFF])).hex()
+
+
+def torque_state(torque: int) -> str:
+    """Answer to the read of 24 to 35: torque enable, and torque limit 1023."""
+    body = bytes([1, 14, 0, torque, *bytes(9), 0xFF, 0x03])
     return (b"\xff\xff" + body + bytes([~sum(body) & 0xFF])).hex()
 
 
@@ -220,14 +228,14 @@ def test_move_needs_torque() -> None:
 
 def test_move_writes_goal_and_speed_in_one_packet() -> None:
     # From 512 (150.147°) to 307 (90.029°) at 60°/s = 10 rpm = 90 units of 0.111 rpm.
-    bus, port = bus_with(motion_status(1, 512), OK)
+    bus, port = bus_with(motion_status(1, 512), SPEED_0, OK)
     move = bus.attach(RX28, 1).move(90 * deg, speed=60 * deg)
-    assert port.requests == [STANCE, "FF FF 01 07 03 1E 33 01 5A 00 48"]
+    assert port.requests == [STANCE, "FF FF 01 04 02 20 02 D6", "FF FF 01 07 03 1E 33 01 5A 00 48"]
     assert move.duration == pytest.approx((512 - 307) * 300 / 1023 / 60)
 
 
 def test_torque_sets_the_goal_first_and_goes_off_even_after_an_error() -> None:
-    bus, port = bus_with(motion_status(0, 512), motion_status(0, 512), OK, OK, OK)
+    bus, port = bus_with(motion_status(0, 512), motion_status(0, 512), OK, OK, torque_state(1), OK)
     with pytest.raises(KeyError, match="boom"), bus.attach(RX28, 1).torque():
         raise KeyError("boom")
     assert port.requests == [
@@ -235,6 +243,7 @@ def test_torque_sets_the_goal_first_and_goes_off_even_after_an_error() -> None:
         STANCE,
         "FF FF 01 05 03 1E 00 02 D6",  # goal := 512
         "FF FF 01 04 03 18 01 DE",
+        "FF FF 01 04 02 18 0C D4",  # is it on?
         "FF FF 01 04 03 18 00 DF",
     ]
 

@@ -173,7 +173,7 @@ class TestSerial:
         from servobus.virtual.serve.ports import PtyPort  # noqa: PLC0415 - there is none on Windows
 
         rig = build_rig(parse_url(f"virtual:{spec}"))
-        rig.inject("gone#12:0.3s", 0.0)
+        rig.inject("gone#60:0.3s", 0.0)
         stop = threading.Event()
         with PtyPort(rig, tmp_path / "arm") as port:
             server = threading.Thread(target=port.serve, args=[stop], daemon=True)
@@ -190,7 +190,7 @@ class TestSerial:
                 servos = [bus.attach(LX16A, id) for id in (1, 2)]
                 servos[0].torque_on()
                 with pytest.raises(PortLost):
-                    for _ in range(20):
+                    for _ in range(80):
                         servos[1].ping()
                 reports: list[ReconnectReport[BusServo]] = []
 
@@ -213,7 +213,7 @@ class TestSerial:
                 servos = [bus.attach(LX16A, id) for id in (1, 2)]
                 await servos[0].torque_on()
                 with pytest.raises(PortLost):
-                    for _ in range(20):
+                    for _ in range(80):
                         await servos[1].ping()
                 for _ in range(1000):
                     try:
@@ -237,7 +237,7 @@ class TestSerial:
                 servo.safe_action = "free"
                 servo.torque_on()
                 with pytest.raises(PortLost):
-                    for _ in range(20):
+                    for _ in range(80):
                         other.ping()
                 watch = bus.watch(0.02)
                 assert watch.wait(PATIENCE)

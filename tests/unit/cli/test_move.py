@@ -68,8 +68,10 @@ def test_degrees_are_not_asked_for_where_they_were_given(refused: Callable[..., 
     assert refused("move", RX, f"1={goal}").endswith("is outside 0.0° .. 300.0°\n")
 
 
-def test_a_move_that_takes_too_long_leaves_the_torque_off(refused: Callable[..., str]) -> None:
-    assert "go in steps, or faster" in refused("move", DRS, "219=10", "--time", "60")
+def test_a_move_that_only_goes_on_while_it_is_waited_for_is_waited_for(refused: Callable[..., str]) -> None:
+    """Longer than the 2.8448 s that a HerkuleX can be told (6-5)."""
+    said = refused("move", DRS, "219=10", "--time", "5.6", "--no-wait")
+    assert "goes to the servo in parts of 2.8 s, so the command must wait for it" in said
 
 
 @pytest.mark.parametrize(

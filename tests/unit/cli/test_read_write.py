@@ -51,9 +51,9 @@ def test_write_shows_old_and_new(run: Run, load: Callable[..., Any]) -> None:
 @pytest.mark.parametrize(
     ("setting", "shown"),
     [
-        ("goal_position=90", "-> 90.0°"),
-        ("goal_position=90deg", "-> 90.0°"),
-        ("goal_position=1.5708rad", "-> 90.0°"),
+        ("max_position=90", "-> 90.0°"),
+        ("max_position=90deg", "-> 90.0°"),
+        ("max_position=1.5708rad", "-> 90.0°"),
         ("cw_compliance_slope=0x20", "32 -> 32"),
         ("alarm_led=overload+overheating", "-> overheating+overload"),
         ("alarm_led=none", "-> none"),
@@ -92,8 +92,8 @@ def starved(run: Run, tmp_path: Path) -> str:
 
 def test_what_does_not_take_is_an_error(run: Run, starved: str) -> None:
     result = run("write", starved, 219, "torque_control=on", code=1)
-    assert result.stdout == "torque_control  free -> free\n"
-    assert "servobus: DRS-0602 id 219 did not take torque_control = on: it is free\n" in result.stderr
+    assert result.stdout == ""
+    assert "servobus: DRS-0602 id 219 has shut down (input_voltage), so nothing would move; rearm()" in result.stderr
 
 
 def test_alarms_are_told_beside_the_value(run: Run, load: Callable[..., Any], starved: str) -> None:
@@ -106,9 +106,9 @@ def test_alarms_are_told_beside_the_value(run: Run, load: Callable[..., Any], st
 @pytest.mark.parametrize(
     ("setting", "why"),
     [
-        ("goal_position=400", "is not in 0.0° (raw 0) .. 300.0° (raw 1023)"),
-        ("goal_position=nan", "'nan' is not a number"),
-        ("goal_position=90V", "'V' is not a unit known here"),
+        ("max_position=400", "is not in 0.0° (raw 0) .. 300.0° (raw 1023)"),
+        ("max_position=nan", "'nan' is not a number"),
+        ("max_position=90V", "'V' is not a unit known here"),
         ("present_position=10", "can only be read"),
         ("led=maybe", "neither on nor off"),
         ("alarm_led=smoke", "'smoke' is not one of"),

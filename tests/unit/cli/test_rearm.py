@@ -26,10 +26,11 @@ def test_rearm_is_refused_while_it_is_too_hot(refused: Callable[..., str], famil
 
 
 @posix
-def test_a_refusal_says_what_was_done(refused: Callable[..., str], run: Run) -> None:
+def test_a_refusal_says_what_was_done(refused: Callable[..., str]) -> None:
     with Arm("rx28@1") as arm:
         arm.servos[0].temperature = 90.0  # it is beyond its limit, 80 °C
-        run("write", arm.name, 1, "torque_enable=on", "torque_limit=0")
+        arm.servos[0].put("torque_enable", 1)
+        arm.servos[0].put("torque_limit", 0)
         assert refused("rearm", arm.name, 1).endswith(
             ": overheating; torque_enable is off now, so it goes nowhere when that is over\n"
         )

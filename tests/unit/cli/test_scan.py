@@ -15,7 +15,8 @@ from unit.cli.conftest import ALL, LX, RX, Run
 def test_scan_finds_who_is_there(load: Callable[..., Any], family: str) -> None:
     port, id = ALL[family]
     found = load("scan", port, "--family", family, "--ids", f"{id}-{id + 3}")
-    assert all(list(one) == ["family", "model", "model_number", "id", "baud", "firmware"] for one in found)
+    keys = "family model model_number id baud firmware position voltage temperature torque alarms"
+    assert all(list(one) == keys.split() for one in found)
     assert found[0]["family"] == family
     assert found[0]["id"] == id
 
@@ -91,7 +92,7 @@ def test_what_was_found_before_ctrl_c_is_told(run: Run, monkeypatch: pytest.Monk
         return find(family, id, *rest)
 
     monkeypatch.setattr("servobus.jobs.scan._met", interrupted)
-    result = run("scan", RX, "--family", "dynamixel", "--json")
+    result = run("scan", RX, "--family", "dynamixel", "--json", code=130)
     assert [one["id"] for one in json.loads(result.stdout)] == [1]
     assert "stopped; this is what was found so far" in result.stderr
 

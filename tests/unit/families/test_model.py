@@ -6,7 +6,7 @@ import pytest
 
 import servobus
 from servobus import DRS0602, LX16A, RX28, BadValue, UnknownName, UsageError, deg
-from servobus.core.registers import U8, U16, Access, Area, Register
+from servobus.core.registers import U8, U16, Access, Area, Motion, Register
 from servobus.core.units import RAW, Count, Quantity, Switch
 from servobus.families import registry
 from servobus.families.base import Answers, Model, Performance, ServoRef, SpecSheet
@@ -163,6 +163,7 @@ def test_a_row_of_a_parent_stands_for_the_own_one() -> None:
 
 def test_the_value_counts_not_the_raw_number() -> None:
     servo, real = bus_of(Fine, position=90 * deg)
+    servo.torque_on()
     assert servo.read(RX28.present_position) == pytest.approx(90 * deg, abs=0.1 * deg)
     servo.write(RX28.goal_position, 180 * deg)
     assert real.memory[Fine.goal_position] == 2048
@@ -170,6 +171,7 @@ def test_the_value_counts_not_the_raw_number() -> None:
 
 def test_the_limits_are_those_of_the_own_row() -> None:
     servo, _ = bus_of(Fine)
+    servo.torque_on()
     servo.write(RX28.goal_position, 330 * deg)  # which an RX-28 has not
     with pytest.raises(BadValue, match="Fine-1 goal_position"):
         servo.write(RX28.goal_position, 361 * deg)
@@ -262,7 +264,7 @@ def test_what_a_model_must_say() -> None:
 
 @EVERY
 def test_a_motion_row_is_known_by_its_row(model: type[Model]) -> None:
-    goals = [row.name for row in model.registers.values() if row.motion and row.unit == "rad"]
+    goals = [row.name for row in model.registers.values() if row.motion is Motion.GOAL]
     expected = {"dynamixel": ["goal_position"], "lewansoul": ["goal_position", "wait_goal_position"], "herkulex": []}
     assert goals == expected[model.family.name]
 
@@ -281,6 +283,7 @@ def test_a_servo_with_4096_steps_says_where_it_is() -> None:
 
 def test_position_mode_gives_it_its_own_full_range() -> None:
     servo, real = bus_of(Fine, position=180 * deg)
+    servo.torque_on()
     servo.turn(output=0.5)
     assert (real.get("cw_angle_limit"), real.get("ccw_angle_limit"), real.get("moving_speed")) == (0, 0, 512)
     servo.position_mode()

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from samples import every_model, factory_answers, has, minds_overload, models_that, sample_of, turning
-from servobus import LX16A, MODELS, RX28, BusError, Refused, herkulex
+from servobus import MODELS, RX28, BusError, Refused, herkulex, lewansoul
 from servobus.core.units import deg
 from servobus.families.lewansoul.protocol import Alarm
 from servobus.virtual.physics.motor import Load
@@ -115,7 +115,9 @@ def test_a_herkulex_that_is_hot_is_refused_before_it_calls_it_an_alarm() -> None
 
 def test_a_herkulex_in_infinite_turn_is_told_to_stop_before_its_torque_comes_on() -> None:
     bench = bench_for("drs0602")
-    bench.do(lambda servo: servo.turn(speed=90 * deg))  # without torque it changes the mode alone (EH-16)
+    bench.do(lambda servo: servo.torque_on())
+    bench.do(lambda servo: servo.turn(speed=90 * deg))
+    bench.do(lambda servo: servo.torque_off())
     bench.line.lose()
     bench.do(lambda servo: servo.rearm())
     sets = [(request[4], request[7:]) for request in bench.line.requests if request[4] in (3, 5)]
@@ -128,7 +130,7 @@ def test_a_herkulex_in_infinite_turn_is_told_to_stop_before_its_torque_comes_on(
 def test_an_lx16a_that_lost_its_torque_is_rearmed_at_its_place() -> None:
     bench = bench_for("lx16a")
     bench.real.goal_torque = False  # type: ignore[attr-defined]
-    bench.do(lambda servo: servo.write_many({LX16A.goal_position: 200 * deg, LX16A.goal_time: 0.0}))
+    bench.bus.do(lewansoul.move_time_write(5, 833, 0))  # as a program would that knows nothing of the torque
     bench.line.sleep(0.1)  # a move that waits for the torque (L-69)
     here = bench.real.position
     bench.do(lambda servo: servo.rearm())

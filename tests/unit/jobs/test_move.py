@@ -58,7 +58,7 @@ def test_lost_answers_do_not_make_it_longer(key: str) -> None:
     with pytest.raises(MoveTimeout):
         move.wait(timeout=2.0)
     assert servo._bus.stats.total.retries > 5
-    assert 2.0 <= clock.now() - began <= 2.0 + 2 * LOOK
+    assert 2.0 <= clock.now() - began <= 2.0 + 4 * LOOK  # with what ends the move
 
 
 @DRIVERS
@@ -117,6 +117,6 @@ def test_a_servo_that_cannot_arrive_is_named() -> None:
 def test_position_mode_sets_limits_that_are_given() -> None:
     with servobus.open("virtual:rx28@1?clock=virtual") as bus:
         servo = bus.find(1, family="dynamixel")
-        servo.position_mode((20 * deg, 120 * deg))
+        servo.position_mode((20 * deg, 160 * deg))
         with servo.torque(), pytest.raises(BadValue, match="outside the limits set in it"):
             servo.move(10 * deg)

@@ -11,11 +11,13 @@ from typing import Any
 
 import pytest
 
+import servobus
 from servobus import DRS0602, RX28, BadChecksum, Bus, NoReply, dynamixel1
 from servobus.bus.asyncio import AsyncBus
 from servobus.core.exchange import Batch, Now, Pause, Procedure, ReplyPattern
 from servobus.errors import BrokenEcho, DuplicateId, LineBusy
 from servobus.link.latency import Latency
+from servobus.virtual.serve.inprocess import VirtualPort
 from unit.bus.test_blocking import ANSWER, MODEL_BYTE, OK, PING, TEMPERATURE
 from unit.scripted import Scripted
 
@@ -520,3 +522,30 @@ def test_a_procedure_can_ask_for_the_time() -> None:
     bus, port = linked()
     port.sleep(1.5)
     assert bus.do(job()) == (1.5, 1.75)
+
+
+def test_P7_answers_to_a_broadcast_ping_make_no_second_servo() -> None:
+    for pause in (0.0, 0.001, 0.1):
+        bus = servobus.open("virtual:rx28@1-3,broadcast_ping=answered?clock=virtual")
+        for id in (1, 2, 3):
+            bus.attach(RX28, id).ping()
+        bus.do(dynamixel1.ping(254), baud=57_600)
+        bus.transport.sleep(pause)
+        for id in (3, 1, 2, 1):
+            bus[id].ping()
+            assert bus[id].read(RX28.id) == id
+        assert bus.stats.total.doubled == 0
+
+
+def test_P7_two_servos_are_told_all_the_same_later_on() -> None:
+    bus = servobus.open("virtual:rx28@1,broadcast_ping=answered?clock=virtual")
+    servo = bus.attach(RX28, 1)
+    bus.do(dynamixel1.ping(254), baud=57_600)
+    bus.transport.sleep(2.1)
+    servo.ping()
+    assert isinstance(bus.transport, VirtualPort)
+    bus.transport.inject("twin#1")
+    servo.ping()
+    bus.transport.sleep(0.1)
+    with pytest.raises(DuplicateId):
+        servo.ping()

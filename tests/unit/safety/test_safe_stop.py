@@ -289,9 +289,14 @@ def test_what_another_switched_off_is_not_switched_on_by_holding_it() -> None:
     [
         lambda servo: servo.torque_on(),
         lambda servo: servo.rearm(),
-        lambda servo: servo.turn(output=0.1),
-        lambda servo: servo.write(RX28.goal_position, 1.0),
-        lambda servo: servo.write_raw({RX28.moving_speed: 10}),
+        lambda servo: (servo.torque_on(), servo.permit.mark_idle(), servo.turn(output=0.1)),
+        lambda servo: (servo.torque_on(), servo.permit.mark_idle(), servo.write(RX28.goal_position, 1.0)),
+        lambda servo: (
+            servo.torque_on(),
+            servo.turn(output=0.1),
+            servo.permit.mark_idle(),
+            servo.write_raw({RX28.moving_speed: 10}),
+        ),
         lambda servo: servo.write_many({RX28.torque_enable: True}),
         lambda servo: servo._bus.torque_on([servo]),
     ],

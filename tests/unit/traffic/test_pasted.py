@@ -86,7 +86,19 @@ def said(text: str) -> str:
         ("packet = [0xFF, 0xFF, 0x01, 0x02, 0x01, 0xFB]  # a ping", PING),
         ("['0xff', '0xff', '0x1', '0x2', '0x1', '0xfb']", PING),
         ("Serial.write(0xFF); Serial.write(0xFF); Serial.write(1);", b"\xff\xff\x01"),
+        ("new Uint8Array([255, 255, 1, 2, 1, 251])", PING),
+        ("vec![0xFF, 0xFF, 0x01, 2, 1, 0xfb]", PING),
+        ("&[0xff, 0xff]", b"\xff\xff"),
+        ("[]byte{0xFF, 0xFF, 0x01}", b"\xff\xff\x01"),
+        ("std::vector<uint8_t> v{0xFF, 0xFF, 0x01};", b"\xff\xff\x01"),
+        ("<Buffer ff ff 01 02 01 fb>", PING),
+        ("0xFF (0x01)", b"\xff\x01"),
         # labels
+        ("DEBUG:root:TX FF FF 01 02 01 FB", PING),
+        ("INFO - sent: ff ff 01 02 01 fb", PING),
+        ("[TX] FF FF 01 02 01 FB (6 bytes)", PING),
+        ("wrote 6 bytes: FF FF 01 02 01 FB", PING),
+        ("A: FF FF 01 02 01 FB\nB: FF FF 01 02 00 FC", PING + PONG),
         ("TX: FF FF 01 02 01 FB", PING),
         ("Sent packet: FF FF 01 02 01 FB", PING),
         ("tx = FF FF 01 02 01 FB", PING),
@@ -101,6 +113,8 @@ def said(text: str) -> str:
         ("1: 55 55 01\n2: 03 1C DF", POS_READ),
         # dumps with offsets
         ("0000: FF FF 01 02 01 FB", PING),
+        ("0x0000: FF FF 01 02 01 FB", PING),
+        ("00000000  ff ff 01 02 01 fb  ......", PING),
         ("0000  ff ff 01 02\n0004  01 fb", PING),
         ("00000000  ff ff 01 02 01 fb                                 |......|\n00000006\n", PING),
         ("00000000: ffff 0102 01fb                           ......\n", PING),
@@ -161,6 +175,8 @@ def test_T5_digits_that_may_be_either_are_read_as_what_has_packets() -> None:
         ("", "there are no bytes in it"),
         ("# nothing\n\n", "there are no bytes in it"),
         ("0000: FF FF 01 02\n0010: 01 FB\n", "line 1: '0000:' looks like an offset"),
+        ("0000-0005: FF FF", "'0000-0005:' looks like an offset"),
+        ("FF FF 01 02 01 FB PING id 1", "line 1: 'PING' is no byte"),
         ("1.5", "there are no bytes in it"),
         ("0000000 ffff 0201 fb01\n0000006\n", "make it with hexdump -C"),
         (r"b'\xff\x'", "is no string of bytes that can be read"),
@@ -194,6 +210,25 @@ def test_T5_names_and_arrows_of_the_two_directions(out: str, into: str) -> None:
     text = f"{out} FF FF 01 02 01 FB\n{into} FF FF 01 02 00 FC"
     assert lines(text) == [(0.0, ">", PING), (0.0, "<", PONG)]
     assert not pasted(text).timed
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "2026-01-02 03:04:05,123 DEBUG TX FF FF 01 02 01 FB\n2026-01-02 03:04:05,125 DEBUG RX FF FF 01 02 00 FC",
+        "[03:04:05.123]# SEND HEX>\nFF FF 01 02 01 FB\n\n[03:04:05.125]# RECV HEX>\nFF FF 01 02 00 FC",
+        "12:00:01.5;TX;FF FF 01 02 01 FB\n12:00:01.502;RX;FF FF 01 02 00 FC",
+        "[10:11:12.345]\u53d1\u2192\u25c7FF FF 01 02 01 FB \u25a1\n[10:11:12.347]\u6536\u2190\u25c6FF FF 01 02 00 FC",
+    ],
+)
+def test_T5_logs_of_programs(text: str) -> None:
+    assert lines(text) == [(0.0, ">", PING), (0.002, "<", PONG)]
+
+
+def test_T5_long_texts_take_no_longer_than_they_are() -> None:
+    data = PING * 5000
+    assert pasted(data.hex(" ")).data == data
+    assert pasted(data.hex()).data == data
 
 
 def test_T5_a_line_without_a_label_goes_on_as_the_one_before() -> None:

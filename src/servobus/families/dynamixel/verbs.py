@@ -24,6 +24,7 @@ from servobus.families.base import (
     Reading,
     ServoRef,
     StopOutcome,
+    TorqueState,
     adjacent,
     blocks,
     cannot,
@@ -54,6 +55,7 @@ from servobus.families.dynamixel.protocol import (
     write_data,
 )
 from servobus.families.explain import addressed, id_list, servo, show_bytes, show_span, show_values
+from servobus.families.motion import check_inside, nearest
 
 
 def _address(register: Register[Any]) -> int:
@@ -65,6 +67,8 @@ class Dynamixel1(Family):
     name = "dynamixel"
     title = "Dynamixel protocol 1.0"
     framing = FRAMING
+    torque_rows = ("torque_enable", "torque_limit")
+    limits_turn = True
     # Measured by a user on an AX-12: 6 ms, give or take 1, 9 at most. The manual says nothing of it.
     eeprom_time = 0.009
     needs = (
@@ -150,10 +154,17 @@ class Dynamixel1(Family):
             )
 
     def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
-        names = ("present_position", "torque_enable", "min_position", "max_position")
-        rows = [target.model.register(name) for name in names]
-        position, torque, low, high = yield from self.read(target, rows)
-        return MotionStatus(rows[0].decode(position), bool(torque), low, high, turning=low == high == 0)
+        names = ("present_position", "min_position", "max_position", *self.torque_rows)
+        raw = yield from self.read_values(target, names)
+        position: float = target.model.register("present_position").decode(raw["present_position"])
+        low, high, torque = raw["min_position"], raw["max_position"], self.torque_state(raw)
+        return MotionStatus(position, torque.on, low, high, low == high == 0, torque.shutdown)
+
+    def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
+        """Look at Torque Limit too: a shutdown sets it to 0, and leaves Torque Enable on (3-4-1 Alarm Shutdown)."""
+        if not values["torque_limit"]:
+            return TorqueState(False, "torque limit 0")
+        return TorqueState(bool(values["torque_enable"]))
 
     def check_axis(self, axis: AxisMove) -> None:
         """Refuse what would be slower than speed code 1: it would take longer than asked."""
@@ -197,15 +208,19 @@ class Dynamixel1(Family):
                 return outcome
         raise BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
 
-    def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
-        model = target.model
-        if on:
-            motion_status = yield from self.motion_status(target)
-            if not motion_status.torque and not motion_status.turning:
-                goal = model.register("goal_position")
-                here = min(max(goal.scale.encode(motion_status.position), motion_status.low), motion_status.high)
-                yield from self.write(target, {goal: here})
-        yield from self.write(target, {model.register("torque_enable"): int(on)})
+    def give_back(self, target: KnownServo) -> Procedure[None]:
+        """In endless turn the same register is an output (3-4-3)."""
+        if target.record.lent and not (yield from self.motion_status(target)).turning:
+            yield from super().give_back(target)
+
+    def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """A written goal may switch the torque on by itself: here it moves nothing."""
+        if motion_status.turning:
+            yield from self._write_raw_speed(target, 0)
+        else:
+            yield from self.put(
+                target, {target.model.register("goal_position"): nearest(target, motion_status)}, keep=False
+            )
 
     def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("present_load", "torque_limit")]
@@ -218,31 +233,23 @@ class Dynamixel1(Family):
         alarms: Error = yield asking.mapped(lambda packet: Error(packet.code) & ALARMS)
         return alarms
 
-    def rearm(self, target: KnownServo) -> Procedure[None]:
-        """End a shutdown: it has set Torque Limit to 0 and left Torque Enable on (3-4-1 Alarm Shutdown).
+    def end_shutdown(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """Give Torque Limit back, which the shutdown has set to 0 (3-4-1 Alarm Shutdown).
 
-        So Torque Enable goes off first. Else the servo would run to its old goal as soon as it has its limit back.
+        Torque Enable, which the shutdown leaves on, goes off first. Else the servo would run to its old goal.
         """
-        model = target.model
-        enable, limit = model.register("torque_enable"), model.register("torque_limit")
-        rows = [enable, limit, model.register("max_torque"), model.register("alarm_shutdown")]
-        on, limited, most, mask = yield from self.read(target, rows)
-        if on and limited:
+        if motion_status.torque:
             return
-        yield from self.write(target, {enable: 0})
-        yield from self.write(target, {limit: most})
+        model = target.model
+        rows = [model.register(name) for name in ("max_torque", "alarm_shutdown")]
+        most, mask = yield from self.read(target, rows)
+        yield from self._set(target, {model.register("torque_enable"): 0})
+        yield from self._set(target, {model.register("torque_limit"): most})
         standing = (yield from self.read_alarms(target)) & mask
         if standing:
             said = Flags(Error).show(Error(standing))
             done = "torque_enable is off now, so it goes nowhere when that is over"
             raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}; {done}", standing)
-        motion_status = yield from self.motion_status(target)
-        if motion_status.turning:
-            yield from self._write_raw_speed(target, 0)  # what it turned with before would set it going again
-        yield from self.torque(target, on=True)
-        on, limited = yield from self.read(target, rows[:2])
-        if not (on and limited):
-            raise BusError(f"{target}: the torque did not come on")
 
     def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""
@@ -255,14 +262,20 @@ class Dynamixel1(Family):
         model = target.model
         share = model.turn_scale.encode(check_output(output))
         limits = {model.register("min_position"): 0, model.register("max_position"): 0}
-        motion_status = yield from self.motion_status(target)
+        motion_status = yield from self.about_to_turn(target)
         if not motion_status.turning:
             # A speed left over from position mode would spin it as soon as the limits are 0.
+            yield from self.borrow(target)
             yield from self._write_raw_speed(target, 1)
-            yield from self.write(target, limits)
+            yield from self._set(target, limits)
         yield from self._write_raw_speed(target, share)
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
+        """Let go of the shaft, which endless turn without speed does not hold either, until limits and goal are set.
+
+        So it makes no difference whether the servo keeps its old goal (D-78), or what it makes of a goal in endless
+        turn (D-77).
+        """
         model = target.model
         motion_status = yield from self.motion_status(target)
         if not motion_status.turning and limits is None:
@@ -270,14 +283,27 @@ class Dynamixel1(Family):
         low, high = model.register("min_position"), model.register("max_position")
         if limits is None:
             limits = low.limits[0], high.limits[1]
-        if motion_status.turning:
-            yield from self._write_raw_speed(target, 0)
-        yield from self.write(target, {low: limits[0], high: limits[1]})
+        wanted = {low: limits[0], high: limits[1]}
+        if not motion_status.turning:
+            yield from self.write(target, wanted)
+            return
+        after = replace(motion_status, low=limits[0], high=limits[1], turning=False)
+        if motion_status.torque:
+            check_inside(target, after, whose="that it would get")
+        target.record.check_wear(str(target), wanted)
+        yield from self._check_unlocked(target, list(wanted))
+        yield from self._write_raw_speed(target, 0)
+        if motion_status.torque:
+            yield from self._set(target, {model.register("torque_enable"): 0})
+        yield from self._set(target, wanted)
+        if motion_status.torque:
+            yield from self.torque(target, on=True)
+        yield from self.give_back(target)
 
     def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in ("on", "off", "red"):
             raise BadValue(f"{target} has one red light: on or off, not {colour!r}")
-        yield from self.write(target, {target.model.register("led"): int(colour != "off")})
+        yield from self._set(target, {target.model.register("led"): int(colour != "off")})
 
     def reboot(self, target: KnownServo) -> Procedure[None]:
         yield from ()  # a procedure without steps
@@ -290,11 +316,11 @@ class Dynamixel1(Family):
         return target.id if factory_id is None else factory_id, target.model.factory_baud
 
     def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
-        yield from self.write(target, {target.model.register("id"): check_id(id)})
+        yield from self._set(target, {target.model.register("id"): check_id(id)})
 
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         register = target.model.register("baud")
-        yield from self.write(target, {register: register.encode(baud)})
+        yield from self._set(target, {register: register.encode(baud)})
 
     def explain(self, packet: Packet, request: Packet | None = None, model: type[Model] | None = None) -> str:
         """Say what a packet means: nothing in it tells an instruction from a status packet, only what came before."""

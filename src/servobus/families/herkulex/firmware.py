@@ -282,6 +282,9 @@ class HerkulexServo(VirtualServo):
 
     # Registers
 
+    def options_changed(self) -> None:
+        self._settle()
+
     def _settle(self) -> None:
         """Do what follows from the values of RAM."""
         self.id = self.get("id")

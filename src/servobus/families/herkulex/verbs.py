@@ -27,6 +27,7 @@ from servobus.families.base import (
     Reading,
     ServoRef,
     StopOutcome,
+    TorqueState,
     adjacent,
     blocks,
     cannot,
@@ -76,6 +77,7 @@ from servobus.families.herkulex.protocol import (
     show_flags,
     stat,
 )
+from servobus.families.motion import nearest, raw_position
 
 _COLOURS = {
     "off": Led.OFF, "on": Led.GREEN | Led.BLUE | Led.RED, "white": Led.GREEN | Led.BLUE | Led.RED,
@@ -96,6 +98,9 @@ class Herkulex(Family):
     framing = FRAMING
     full_duplex = True
     keepable = tuple(_KEEPS)
+    driven = TorqueControl.ON
+    torque_rows = ("torque_control", "torque_policy", "status_error")
+    holds_outside_limits = True  # H-51
     patience = LONGEST_BOOT
     needs = (
         "ack_policy", "baud_rate", "current_control_mode", "led_control", "max_pwm", "pwm", "status_detail",
@@ -161,11 +166,17 @@ class Herkulex(Family):
         return register.area is Area.EEPROM and (keep or not register.place.has_working_copy)
 
     def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
-        names = ("present_position", "torque_control", "min_position", "max_position", "current_control_mode")
-        rows = [target.model.register(name) for name in names]
-        position, torque, low, high, mode = yield from self.read(target, rows)
-        on = torque == TorqueControl.ON
-        return MotionStatus(rows[0].decode(position), on, low, high, turning=mode == ControlMode.INFINITE_TURN)
+        names = ("present_position", "min_position", "max_position", "current_control_mode", *self.torque_rows)
+        raw = yield from self.read_values(target, names)
+        position: float = target.model.register("present_position").decode(raw["present_position"])
+        turning, torque = raw["current_control_mode"] == ControlMode.INFINITE_TURN, self.torque_state(raw)
+        return MotionStatus(position, torque.on, raw["min_position"], raw["max_position"], turning, torque.shutdown)
+
+    def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
+        """Look at the errors too: those of Torque Policy keep the torque off until they are cleared (H-52 to H-54)."""
+        if standing := values["torque_policy"] & values["status_error"]:
+            return TorqueState(False, show_flags(StatusError(standing)))
+        return TorqueState(values["torque_control"] == TorqueControl.ON)
 
     def start_moves(self, axes: Sequence[AxisMove]) -> Procedure[None]:
         """I_JOG for one servo; for several S_JOG if they take equally long, else I_JOG. The lights go out."""
@@ -186,10 +197,6 @@ class Herkulex(Family):
         jogs = [Jog(target.id, raw) for target, raw in goals.items()]
         runs = [jogs[start : start + MOST_S_JOG] for start in range(0, len(jogs), MOST_S_JOG)]
         return [s_jog(BROADCAST, round(time / TICK), run) for run in runs]
-
-    def torque_on(self, raw: int) -> bool:
-        """Braked is not driven."""
-        return raw == TorqueControl.ON
 
     def moving(self, target: ServoRef) -> Procedure[bool]:
         """Moving, and not yet in position: the moving flag alone stays for Stop Detection Period, 302 ms."""
@@ -215,7 +222,7 @@ class Herkulex(Family):
             if self.reachable(target, motion_status) is None:
                 return (yield from self.outside(target, motion_status))
             before = yield from self.read(target, [row])
-            yield from _jog(target, Jog(target.id, _nearest(target, motion_status), stop=True))
+            yield from _jog(target, Jog(target.id, nearest(target, motion_status), stop=True))
             if (yield from self.read(target, [row])) != before or (yield from self._stands(target)):
                 return StopOutcome(f"held at {row.show(motion_status.position)}")
         raise BusError(f"{target} still moves: it did not take a JOG with the stop flag")
@@ -232,19 +239,12 @@ class Herkulex(Family):
             before = after
         return False
 
-    def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
-        """Switch torque. The servo itself takes the present position as its goal (H-51).
-
-        Raises Refused if the torque stays off: while an error of its Torque Policy stands the servo does not
-        switch it on (H-53), and does not say so.
-        """
-        state = TorqueControl.ON if on else TorqueControl.FREE
-        yield from self.write(target, {target.model.register("torque_control"): state})
-        if on:
-            ack = yield from stat(target.id)
-            if ack.status_error and StatusDetail.TORQUE_ON not in ack.status_detail:
-                why = f"because of {show_flags(ack.status_error)}; rearm() clears what is over"
-                raise Refused(f"{target}: torque stays off {why}", ack.status_error)
+    def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """Torque that comes on takes the present position as its goal by itself (H-51); a speed may be kept."""
+        if motion_status.torque or motion_status.turning:
+            mode = ControlMode.INFINITE_TURN if motion_status.turning else ControlMode.POSITION
+            value = 0 if motion_status.turning else nearest(target, motion_status)
+            yield from _jog(target, Jog(target.id, value, mode, stop=True))
 
     def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("pwm", "max_pwm")]
@@ -253,28 +253,25 @@ class Herkulex(Family):
 
     def brake(self, target: KnownServo) -> Procedure[None]:
         """Torque Control 0x40 (5-2 RAM 52)."""
-        yield from self.write(target, {target.model.register("torque_control"): TorqueControl.BRAKE})
+        yield from self._set(target, {target.model.register("torque_control"): TorqueControl.BRAKE})
 
     def read_alarms(self, target: ServoRef) -> Procedure[int]:
         """STAT: Status Error, in which every alarm stays until it is cleared (6-3 Example 2)."""
         return (yield from stat(target.id)).status_error
 
-    def rearm(self, target: KnownServo) -> Procedure[None]:
-        """Clear Status Error and Status Detail, then switch the torque on: it takes the present position (H-51).
+    def end_shutdown(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """Clear Status Error and Status Detail.
 
         What is wrong shows in Status Error only after ADC Fault Check Period, so supply and temperature are compared
         with their limits here.
         """
-        model = target.model
-        if (yield from self.motion_status(target)).torque:
+        if motion_status.torque:
             yield from self._clear(target)
             return
         names = (
             "torque_policy", "present_voltage", "min_voltage", "max_voltage", "present_temperature", "max_temperature"
         )  # fmt: skip
-        policy, volts, low, high, celsius, hottest = yield from self.read(
-            target, [model.register(name) for name in names]
-        )
+        policy, volts, low, high, celsius, hottest = (yield from self.read_values(target, names)).values()
         standing = StatusError(0)
         if not low <= volts <= high:
             standing |= StatusError.INPUT_VOLTAGE
@@ -285,20 +282,14 @@ class Herkulex(Family):
         if standing & policy:
             said = show_flags(standing & policy)
             raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
-        if (yield from self.motion_status(target)).turning:
-            # The mode is kept without torque, the speed perhaps too: it shall not go on turning.
-            yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
-        yield from self.torque(target, on=True)
-        if not (yield from self.motion_status(target)).torque:
-            raise BusError(f"{target}: the torque did not come on")
 
     def _clear(self, target: KnownServo) -> Procedure[StatusError]:
         """Write 0 to Status Error and Status Detail; give what stands there afterwards."""
         clear = {target.model.register(name): 0 for name in ("status_error", "status_detail")}
-        yield from self.write(target, clear)
+        yield from self._set(target, clear)
         ack = yield from stat(target.id)
         if ack.status_error:  # by default a write is not answered: it may have been lost
-            yield from self.write(target, clear)
+            yield from self._set(target, clear)
             ack = yield from stat(target.id)
         return ack.status_error
 
@@ -311,6 +302,7 @@ class Herkulex(Family):
         if not abs(speed) <= fastest:  # so that NaN is refused too
             raise BadValue(f"{target}: speed {show(speed, 'rad/s')} is beyond {show(fastest, 'rad/s')}")
         raw = scale.encode(speed)
+        yield from self.about_to_turn(target)
         yield from _jog(target, Jog(target.id, raw, ControlMode.INFINITE_TURN, playtime=_TURN_PLAYTIME))
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
@@ -320,10 +312,10 @@ class Herkulex(Family):
         motion_status = yield from self.motion_status(target)
         if not motion_status.turning:
             return
-        goal = _nearest(target, motion_status)
+        goal = nearest(target, motion_status)
         # Outside its limits the servo would run to the nearest one (H-66). But without torque a JOG changes
         # nothing except the mode (EH-16), and torque on holds whatever position it finds (H-51).
-        free = motion_status.torque and goal != _raw_position(target, motion_status)
+        free = motion_status.torque and goal != raw_position(target, motion_status)
         if free:
             yield from self.torque(target, on=False)
         yield from _jog(target, Jog(target.id, goal))
@@ -333,7 +325,7 @@ class Herkulex(Family):
     def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in _COLOURS:
             raise BadValue(f"{target} has no light {colour!r}, only {', '.join(_COLOURS)}")
-        yield from self.write(target, {target.model.register("led_control"): _COLOURS[colour]})
+        yield from self._set(target, {target.model.register("led_control"): _COLOURS[colour]})
 
     def reboot(self, target: KnownServo) -> Procedure[None]:
         target.record.forget()
@@ -498,12 +490,3 @@ def _playtime(axis: AxisMove) -> int:
         longest = show(LONGEST_PLAYTIME * TICK, "s")
         raise BadValue(f"{axis.target}: a move of {show(axis.duration, 's')} is longer than {longest}")
     return max(playtime, 1)  # 0 would mean as fast as it can (H-85)
-
-
-def _raw_position(target: ServoRef, motion_status: MotionStatus) -> int:
-    return target.model.register("present_position").scale.encode(motion_status.position)
-
-
-def _nearest(target: ServoRef, motion_status: MotionStatus) -> int:
-    """Give the goal nearest to where the servo is: the very place, if it is within its limits."""
-    return min(max(_raw_position(target, motion_status), motion_status.low), motion_status.high)

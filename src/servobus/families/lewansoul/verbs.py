@@ -24,6 +24,7 @@ from servobus.families.base import (
     Reading,
     ServoRef,
     StopOutcome,
+    TorqueState,
     cannot,
     check_output,
 )
@@ -50,6 +51,7 @@ from servobus.families.lewansoul.protocol import (
     send,
     values_of,
 )
+from servobus.families.motion import raw_position
 
 WATCH = 0.05
 """s between the two looks that tell whether a servo moves."""
@@ -62,6 +64,10 @@ class Lewansoul(Family):
     name = "lewansoul"
     title = "LewanSoul bus servo protocol"
     framing = FRAMING
+    torque_rows = (
+        "torque_enable", "present_temperature", "max_temperature", "present_voltage", "min_voltage", "max_voltage"
+    )  # fmt: skip
+    holds_outside_limits = True  # L-70
     one_table = True  # the protocol document defines what its commands carry, and names no model
     torque_returns = True  # point 16
     needs = ("goal_time", "led", "mode", "motor_speed")
@@ -103,10 +109,20 @@ class Lewansoul(Family):
         return not _is_offset(register)
 
     def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
-        names = ("present_position", "torque_enable", "min_position", "max_position", "mode")
-        rows = [target.model.register(name) for name in names]
-        position, torque, low, high, mode = yield from self.read(target, rows)
-        return MotionStatus(rows[0].decode(position), bool(torque), low, high, turning=mode == Mode.MOTOR)
+        raw = yield from self.read_values(
+            target, ("present_position", "min_position", "max_position", "mode", *self.torque_rows)
+        )
+        position: float = target.model.register("present_position").decode(raw["present_position"])
+        torque = self.torque_state(raw)
+        return MotionStatus(
+            position, torque.on, raw["min_position"], raw["max_position"], raw["mode"] == Mode.MOTOR, torque.shutdown
+        )
+
+    def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
+        """Look at temperature and supply too: outside their limits it lets go by itself (points 14, 16)."""
+        if alarms := _alarms(values):
+            return TorqueState(False, Flags(Alarm).show(alarms))
+        return TorqueState(bool(values["torque_enable"]))
 
     def start_moves(self, axes: Sequence[AxisMove]) -> Procedure[None]:
         """Several legs are kept first and start with one broadcast, which starts any older kept move too."""
@@ -155,9 +171,29 @@ class Lewansoul(Family):
                     return StopOutcome(f"held at {goal.show(goal.decode(here))}")
         raise BusError(f"{target} did not take that it is to stop")
 
-    def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
-        """Nothing jumps: a servo that is loaded holds the angle at which it is (L-70, assumption)."""
-        yield from self.write(target, {target.model.register("torque_enable"): int(on)})
+    def give_back(self, target: KnownServo) -> Procedure[None]:
+        """The time is a part of the last move, which is given again where it moves nothing: to a servo at its goal."""
+        if not target.record.lent:
+            return
+        raw = yield from self.read_values(target, ("goal_position", "present_position", "torque_enable"))
+        goal = target.model.register("goal_position")
+        way = goal.scale.decode(raw["goal_position"]) - goal.scale.decode(raw["present_position"])
+        if raw["torque_enable"] and abs(way) < FAR:
+            yield from self._set(target, {goal: raw["goal_position"], **target.record.lent})
+
+    def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """A servo that is loaded holds the angle at which it is (L-70, assumption).
+
+        What became of a move that was given without torque is not said (L-69): one to where it is replaces it. Outside
+        the limits that would run to the nearer one (L-31), so there it is only stopped.
+        """
+        here = raw_position(target, motion_status)
+        if motion_status.turning:
+            yield from mode_write(target.id, Mode.MOTOR, 0)
+        elif motion_status.low <= here <= motion_status.high:
+            yield from move_time_write(target.id, here, 0)
+        else:
+            yield from move_stop(target.id)
 
     def push(self, target: ServoRef) -> Procedure[float]:
         """Nothing tells the output: one that holds and is not near its goal is taken to push with all it has."""
@@ -169,59 +205,49 @@ class Lewansoul(Family):
 
     def read_alarms(self, target: ServoRef) -> Procedure[Alarm]:
         """Compare temperature and supply with their limits: no packet tells the alarms, and none a locked rotor."""
-        names = ("present_temperature", "max_temperature", "present_voltage", "min_voltage", "max_voltage")
-        rows = [target.model.register(name) for name in names]
-        celsius, hottest, volts, low, high = yield from self.read(target, rows)
-        alarms = Alarm(0)
-        if celsius > hottest:
-            alarms |= Alarm.OVER_TEMPERATURE
-        if not low <= volts <= high:
-            alarms |= Alarm.OVER_VOLTAGE
-        return alarms
+        return _alarms((yield from self.read_values(target, self.torque_rows)))
 
-    def rearm(self, target: KnownServo) -> Procedure[None]:
-        """Unload, make the present position the goal, load: of itself it would go on with its last move (16).
-
-        What became of a move that was given without torque is not said (L-69): the one to where it is replaces it.
-        """
+    def end_shutdown(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """Unload: of itself it would go on with its last move when the alarm is over (16)."""
         standing = yield from self.read_alarms(target)
         if standing:
             said = Flags(Alarm).show(standing)
             raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
-        motion_status = yield from self.motion_status(target)
-        if motion_status.torque:
-            return
-        yield from self.torque(target, on=False)
-        if motion_status.turning:
-            yield from mode_write(target.id, Mode.MOTOR, 0)
-        else:
-            (here,) = yield from self.read(target, [target.model.register("present_position")])
-            if motion_status.low <= here <= motion_status.high:  # else it would run to the nearer limit
-                yield from move_time_write(target.id, here, 0)
-        yield from self.torque(target, on=True)
-        if not (yield from self.motion_status(target)).torque:
-            raise BusError(f"{target}: the torque did not come on")
+        if not motion_status.torque:
+            yield from self.torque(target, on=False)
 
     def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Motor mode: the "speed" of the manual is a duty, nothing measures how fast it turns."""
         if output is None or speed is not None:
             raise cannot(target, "turn at a given speed", "motor mode has no speed control; give output=-1..1")
         duty = target.model.register("motor_speed").encode(check_output(output))
+        yield from self.about_to_turn(target)
         yield from mode_write(target.id, Mode.MOTOR, duty)
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
-        """Motor mode leaves the angle limits alone, so `limits` are written only where they are given."""
+        """Motor mode leaves the angle limits alone, so `limits` are written only where they are given.
+
+        It lets go of the shaft, which motor mode does not hold either, until the present position is the goal: that the
+        servo holds it by itself is an assumption (L-63).
+        """
         if limits is not None:
             rows = (target.model.register("min_position"), target.model.register("max_position"))
             yield from self.write(target, {row: row.check(raw) for row, raw in zip(rows, limits, strict=True)})
-        if (yield from self._mode(target)) == Mode.MOTOR:
-            yield from mode_write(target.id, Mode.POSITION)
+        motion_status = yield from self.motion_status(target)
+        if not motion_status.turning:
+            return
+        if motion_status.torque:
+            yield from mode_write(target.id, Mode.MOTOR, 0)
+            yield from self.torque(target, on=False)
+        yield from mode_write(target.id, Mode.POSITION)
+        if motion_status.torque:
+            yield from self.torque(target, on=True)
 
     def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in ("on", "off"):
             raise BadValue(f"{target} has one light: on or off, not {colour!r}")
         led = target.model.register("led")
-        yield from self.write(target, {led: led.encode(colour == "on")})
+        yield from self._set(target, {led: led.encode(colour == "on")})
 
     def reboot(self, target: KnownServo) -> Procedure[None]:
         yield from ()  # a procedure without steps
@@ -235,7 +261,7 @@ class Lewansoul(Family):
         raise _no_reset(target)
 
     def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
-        yield from self.write(target, {target.model.register("id"): check_id(id)})
+        yield from self._set(target, {target.model.register("id"): check_id(id)})
 
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         yield from ()  # a procedure without steps
@@ -305,6 +331,16 @@ def _no_reset(target: ServoRef) -> UsageError:
 def _pair(register: Register[Any]) -> Pair:
     assert isinstance(register.place, Pair)
     return register.place
+
+
+def _alarms(values: Mapping[str, Any]) -> Alarm:
+    """Compare temperature and supply with their limits (points 14, 16)."""
+    alarms = Alarm(0)
+    if values["present_temperature"] > values["max_temperature"]:
+        alarms |= Alarm.OVER_TEMPERATURE
+    if not values["min_voltage"] <= values["present_voltage"] <= values["max_voltage"]:
+        alarms |= Alarm.OVER_VOLTAGE
+    return alarms
 
 
 def _is_offset(register: Register[Any]) -> bool:

@@ -10,7 +10,6 @@ manual is silent; `practice` is what real servos, recordings of them and other p
 values of its own under `practice`, see `Model.practice`.
 """
 
-import difflib
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any, Generic, Literal, NamedTuple, Protocol, Self, TypeAlias, TypeVar, get_args, overload
@@ -136,9 +135,11 @@ class Limit:
 
 
 class HasOptions(Protocol):
-    """What has the values of its options by name."""
+    """What has the values of its options by name, and wants to know of changes."""
 
     options: dict[str, Any]
+
+    def options_changed(self) -> None: ...
 
 
 @frozen
@@ -174,6 +175,7 @@ class Option(Generic[T]):
 
     def __set__(self, servo: HasOptions, value: T | str) -> None:
         servo.options[self.name] = self.read(value)
+        servo.options_changed()
 
     def but(self, **changes: Any) -> "Option[T]":
         """Give an option with these changes, for a firmware that differs from the one it is taken from."""
@@ -226,6 +228,8 @@ def read_options(firmware: type, model: type[Model], given: Mapping[str, Any]) -
 
 def suggestion(name: str, known: Iterable[str]) -> str:
     """Say which names there are, and which are near to one that is not there."""
+    import difflib  # noqa: PLC0415 - only ever needed for this message
+
     names = sorted(known)
     near = difflib.get_close_matches(name, names, n=2, cutoff=0.5)
     meant = f"did you mean {' or '.join(near)}? " if near else ""

@@ -137,6 +137,9 @@ class VirtualServo(ABC):
     def garbage(self, now: float) -> None:  # noqa: B027 - most firmware just forgets
         """Take note that an incomplete packet was dropped after a pause."""
 
+    def options_changed(self) -> None:  # noqa: B027 - most firmware looks at them when they count
+        """Take note that an option was set."""
+
     @abstractmethod
     def control(self, ticks: int) -> None:
         """Run the control loop this many times: protections, profile, shaft."""

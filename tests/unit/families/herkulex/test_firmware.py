@@ -8,7 +8,7 @@ import pytest
 import servobus
 from servobus.core.framing import Decoder
 from servobus.core.units import deg
-from servobus.errors import Refused, UsageError
+from servobus.errors import TorqueOff, UsageError
 from servobus.families.herkulex.firmware import HerkulexServo
 from servobus.families.herkulex.places import RAM
 from servobus.families.herkulex.protocol import (
@@ -313,7 +313,7 @@ def test_with_the_driver() -> None:
             assert not arm.read(DRS0602.current_control_mode)
         virtual.voltage = 8.0
         bus.transport.sleep(1.0)
-        with pytest.raises(Refused, match="input_voltage"):
+        with pytest.raises(TorqueOff, match="input_voltage"):
             arm.torque_on()
         virtual.voltage = 14.8
         arm.write_many({DRS0602.status_error: StatusError(0), DRS0602.status_detail: StatusDetail(0)})

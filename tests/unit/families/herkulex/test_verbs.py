@@ -9,7 +9,7 @@ from servobus.core.exchange import Exchange, Now, Pause, Procedure
 from servobus.core.framing import Packet
 from servobus.core.registers import Register
 from servobus.core.units import deg
-from servobus.errors import BadValue, NoReply, Refused, UsageError
+from servobus.errors import BadValue, BusError, NoReply, TorqueOff, UsageError
 from servobus.families.base import Answers, AxisMove, Identity, KnownServo, ServoRef
 from servobus.families.herkulex import protocol as herkulex
 from servobus.families.herkulex.models.drs0602 import DRS0602
@@ -29,7 +29,6 @@ from servobus.families.herkulex.protocol import (
     Rollback,
     SJog,
     Stat,
-    StatusError,
     parse_request,
 )
 
@@ -89,12 +88,18 @@ def image(start: int, size: int, **registers: int) -> bytes:
 
 
 def motion_status(
-    position: int = 16384, torque: int = 0x60, mode: int = 0, low: int = 10627, high: int = 22129
+    position: int = 16384, torque: int = 0x60, mode: int = 0, low: int = 10627, high: int = 22129, error: int = 0
 ) -> tuple[bytes, bytes]:
     return (
-        image(20, 4, min_position=low, max_position=high),
-        image(52, 8, torque_control=torque, current_control_mode=mode, calibrated_position=position),
+        image(3, 21, torque_policy=0x15, min_position=low, max_position=high),
+        image(
+            48, 12, status_error=error, torque_control=torque, current_control_mode=mode, calibrated_position=position
+        ),
     )
+
+
+def torque_state(torque: int = 0x60, error: int = 0) -> tuple[bytes, bytes]:
+    return image(3, 1, torque_policy=0x15), image(48, 5, status_error=error, torque_control=torque)
 
 
 # Identity
@@ -191,7 +196,7 @@ def test_stance() -> None:
     found, steps = play(FAMILY.motion_status(SERVO), *motion_status(position=22865, mode=1))
     assert found.position == pytest.approx(180 * deg)
     assert (found.torque, found.turning, found.low, found.high) == (True, True, 10627, 22129)
-    assert steps == [RamRead(219, 20, 4), RamRead(219, 52, 8)]
+    assert steps == [RamRead(219, 3, 21), RamRead(219, 48, 12)]
 
 
 @pytest.mark.parametrize("torque", [0x00, 0x40])
@@ -257,19 +262,30 @@ def test_stop_a_turning_servo() -> None:
 
 def test_torque() -> None:
     assert play(FAMILY.torque(SERVO, on=False))[1] == [RamWrite(219, 52, b"\x00")]
-    assert play(FAMILY.torque(SERVO, on=True), b"\x08\x40")[1] == [RamWrite(219, 52, b"\x60"), Stat(219)]
+    _, steps = play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0), *torque_state())
+    assert steps[2:] == [RamWrite(219, 52, b"\x60"), RamRead(219, 3, 1), RamRead(219, 48, 5)]
 
 
 def test_torque_that_stays_off_is_told() -> None:
-    with pytest.raises(Refused, match="torque stays off because of overload") as caught:
-        play(FAMILY.torque(SERVO, on=True), b"\x10\x00")
-    assert caught.value.flags == StatusError.OVERLOAD
+    """Torque Policy is 0x15 from the factory: overload, 0x10, keeps the torque off (4-2 NO 10)."""
+    with pytest.raises(TorqueOff, match=r"has shut down \(overload\).*rearm"):
+        play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0, error=0x10))
+    with pytest.raises(TorqueOff, match="overload"):  # it came meanwhile
+        again = torque_state(torque=0, error=0x10)
+        play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0), *again, *again)
+
+
+def test_a_write_that_was_lost_is_sent_again() -> None:
+    _, steps = play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0), *torque_state(torque=0), *torque_state())
+    assert steps.count(RamWrite(219, 52, b"\x60")) == 2
+    with pytest.raises(BusError, match="did not come on"):
+        play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0), *torque_state(torque=0), *torque_state(torque=0))
 
 
 @pytest.mark.parametrize(("speed", "raw"), [(198.4 * deg, 320), (-198.4 * deg, -320), (0.0, 0)])
 def test_turn(speed: float, raw: int) -> None:
-    _, steps = play(FAMILY.turn(SERVO, speed=speed, output=None))
-    assert steps == [IJog(219, (Jog(219, raw, ControlMode.INFINITE_TURN, playtime=60),))]
+    _, steps = play(FAMILY.turn(SERVO, speed=speed, output=None), *motion_status())
+    assert steps[2:] == [IJog(219, (Jog(219, raw, ControlMode.INFINITE_TURN, playtime=60),))]
 
 
 def test_turn_takes_a_speed_it_can_say() -> None:
@@ -286,18 +302,23 @@ def test_position_mode() -> None:
 
 
 def test_position_mode_sets_limits() -> None:
-    _, steps = play(FAMILY.position_mode(SERVO, (12000, 20000)), *motion_status(low=12000, high=20000))
-    assert steps[0] == RamWrite(219, 20, b"\xe0\x2e\x20\x4e")
-    assert len(steps) == 3
+    free = motion_status(torque=0, low=12000, high=20000)
+    _, steps = play(FAMILY.position_mode(SERVO, (12000, 20000)), *motion_status(torque=0), *free)
+    assert steps[2] == RamWrite(219, 20, b"\xe0\x2e\x20\x4e")
+    assert len(steps) == 5
 
 
 def test_position_mode_outside_the_limits_does_not_run_back() -> None:
-    _, steps = play(FAMILY.position_mode(SERVO, None), *motion_status(position=30000, mode=1), b"\x00\x40")
-    assert steps[2:] == [
+    _, steps = play(
+        FAMILY.position_mode(SERVO, None),
+        *motion_status(position=30000, mode=1),
+        *motion_status(position=30000, torque=0),
+        *torque_state(),
+    )
+    assert [step for step in steps if not isinstance(step, RamRead)] == [
         RamWrite(219, 52, b"\x00"),
         IJog(219, (Jog(219, 22129),)),
         RamWrite(219, 52, b"\x60"),
-        Stat(219),
     ]
 
 

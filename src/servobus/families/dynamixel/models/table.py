@@ -4,7 +4,7 @@ Sources: RX-28 user's manual, section 3-4; the control tables of AX-12A, AX-18A,
 MX-106 and DX-113 to DX-117 in the ROBOTIS e-manual have these rows at the same addresses, with the same sizes.
 """
 
-from servobus.core.registers import U8, U16, Access, Area, Int, Register
+from servobus.core.registers import U8, U16, Access, Area, Int, Motion, Register
 from servobus.core.units import RAW, Count, Flags, Quantity, Switch
 from servobus.families.dynamixel.places import Address
 from servobus.families.dynamixel.protocol import BAUD, Error
@@ -39,11 +39,12 @@ class DynamixelTable(Model):
         Address(5), U8, Quantity("s", 2e-6), "delay before a status packet", default=250, limits=(0, 254), area=EEPROM
     )
     cw_angle_limit = Register(
-        Address(6), U16, RAW, "lowest goal position; 0 with the other limit 0 is endless turn", access=READ, area=EEPROM
-    )
+        Address(6), U16, RAW, "lowest goal position; 0 with the other limit 0 is endless turn",
+        access=READ, area=EEPROM, motion=Motion.LIMIT,
+    )  # fmt: skip
     ccw_angle_limit = Register(
         Address(8), U16, RAW, "highest goal position; 0 with the other limit 0 is endless turn",
-        access=READ, area=EEPROM,
+        access=READ, area=EEPROM, motion=Motion.LIMIT,
     )  # fmt: skip
     highest_limit_temperature = Register(
         Address(11), U8, celsius, "temperature above which overheating is reported", limits=(10, 99), area=EEPROM
@@ -67,15 +68,18 @@ class DynamixelTable(Model):
     )
     torque_enable = Register(Address(24), U8, Switch(), "torque on or off", default=0, limits=(0, 1))
     led = Register(Address(25), U8, Switch(), "light on or off", default=0, limits=(0, 1))
-    goal_position = Register(Address(30), U16, RAW, "target position", access=READ, volatile=True, motion=True)
+    goal_position = Register(
+        Address(30), U16, RAW, "target position", access=READ, volatile=True,
+        motion=Motion.GOAL,
+    )  # fmt: skip
     moving_speed = Register(
         Address(32), SIGNED, RAW,
         "speed to the goal, 0 is uncontrolled full speed; in endless turn a speed or a share of full output",
-        access=READ, volatile=True, motion=True,
+        access=READ, volatile=True, motion=Motion.SPEED,
     )  # fmt: skip
     torque_limit = Register(
         Address(34), U10, share, "torque limit in use; starts as max_torque, 0 after a shutdown", limits=(0, 1023),
-        volatile=True,
+        volatile=True, motion=Motion.STRENGTH,
     )  # fmt: skip
     present_position = Register(Address(36), U16, RAW, "position", access=READ)
     present_speed = Register(Address(38), SIGNED, RAW, "speed; negative is clockwise", access=READ)

@@ -1,6 +1,6 @@
 """DRS-0602. Source: DRS-0602 user's manual, sections 2-3 (specification) and 4-2 (register map, NO 1 to 60)."""
 
-from servobus.core.registers import S16, U8, U16, Access, Register
+from servobus.core.registers import S16, U8, U16, Access, Motion, Register
 from servobus.core.units import Choice, Count, Quantity, deg, ms
 from servobus.families.herkulex.models.table import GAIN, PERIOD, HerkulexTable
 from servobus.families.herkulex.places import Eep, EepRam, Ram
@@ -111,13 +111,15 @@ class DRS0602(HerkulexTable):
     reserved_40 = Register(EepRam(51, 45), U8, Count(), "reserved, NO 40", access=RESERVED)
     calibration_difference = Register(
         EepRam(52, 46), S16, steps, "absolute less calibrated position; NO 41 and 42", default=0,
-        limits=(-1495, 1495), note="EH-11: one signed 16-bit value; -255 .. 255 fits the older models",
+        limits=(-1495, 1495), motion=Motion.ZERO,
+        note="EH-11: one signed 16-bit value; -255 .. 255 fits the older models",
     )  # fmt: skip
     status_error = HerkulexTable.status_error.with_(note="EH-22: bit 0x20 is never set")
     status_detail = HerkulexTable.status_detail
     aux_1 = Register(
         Ram(50), U8, Choice(Aux), "sets absolute_position anew", default=0, limits=(0, 6), volatile=True,
         live=0xFF,  # it is 0 again as soon as that is done
+        motion=Motion.ZERO,
     )  # fmt: skip
     reserved_46 = Register(Ram(51), U8, Count(), "reserved, NO 46", default=0, access=RESERVED)
     voltage = HerkulexTable.voltage.with_(scale=volts, limits=(0, 200))

@@ -4,7 +4,7 @@ Sources: DRS-0602 user's manual, section 4-2 (register map); the maps of DRS-010
 DRS-0401, 0402 and 0601 as other drivers and the maker's PC tool have them, show these rows at the same addresses.
 """
 
-from servobus.core.registers import S8, S16, U8, U16, Access, Int, Register
+from servobus.core.registers import S8, S16, U8, U16, Access, Int, Motion, Register
 from servobus.core.units import RAW, Choice, Count, Flags, Quantity
 from servobus.families.base import Answers
 from servobus.families.herkulex.places import Eep, EepRam, Ram
@@ -84,15 +84,15 @@ class HerkulexTable(Model):
         EepRam(18, 12), U16, Quantity("pwm per position unit", 1 / 256),
         "output allowed more with each step from the goal; 0 is no saturator", limits=(0, 32767),
     )  # fmt: skip
-    pwm_offset = Register(EepRam(20, 14), S8, share, "output added in position control")
-    min_pwm = Register(EepRam(21, 15), U8, share, "lowest output", limits=(0, 254))
+    pwm_offset = Register(EepRam(20, 14), S8, share, "output added in position control", motion=Motion.OUTPUT)
+    min_pwm = Register(EepRam(21, 15), U8, share, "lowest output", limits=(0, 254), motion=Motion.OUTPUT)
     max_pwm = Register(EepRam(22, 16), U16, share, "highest output", default=1023, limits=(0, 1023))
     overload_pwm_threshold = Register(
         EepRam(24, 18), U16, share, "output above which it counts as overload; full output is never above 1023",
         limits=(0, 1023), note="EH-13: compared strictly, so 1023 switches the detection off",
     )  # fmt: skip
-    min_position = Register(EepRam(26, 20), U16, RAW, "lowest goal", access=READ)
-    max_position = Register(EepRam(28, 22), U16, RAW, "highest goal", access=READ)
+    min_position = Register(EepRam(26, 20), U16, RAW, "lowest goal", access=READ, motion=Motion.LIMIT)
+    max_position = Register(EepRam(28, 22), U16, RAW, "highest goal", access=READ, motion=Motion.LIMIT)
     position_kp = Register(EepRam(30, 24), U16, eighths, "position control, P gain", limits=GAIN)
     position_kd = Register(EepRam(32, 26), U16, eighths, "position control, D gain", limits=GAIN)
     position_ki = Register(EepRam(34, 28), U16, sixteenths, "position control, I gain", limits=GAIN)

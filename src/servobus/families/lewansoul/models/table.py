@@ -6,7 +6,7 @@ models: 1000 steps over 240°, in the lists of the makers and of other drivers a
 What the protocol keeps in pairs of commands stands here as registers; the servo has no table of its own.
 """
 
-from servobus.core.registers import S8, S16, U8, U16, Access, Area, Register
+from servobus.core.registers import S8, S16, U8, U16, Access, Area, Motion, Register
 from servobus.core.units import Choice, Count, Flags, Quantity, Switch, deg, ms
 from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import BAUD, FULL_OUTPUT, Alarm, Command, Mode
@@ -33,7 +33,7 @@ class LxTable(Model):
 
     goal_position = Register(
         Pair(Command.SERVO_MOVE_TIME_WRITE, Command.SERVO_MOVE_TIME_READ), U16, angle, "target position",
-        limits=(0, 1000), volatile=True, motion=True,
+        limits=(0, 1000), volatile=True, motion=Motion.GOAL,
         note="EL-02: 0 .. 1000, not 0 .. 100; L-20: the present position before any move",
     )  # fmt: skip
     goal_time = Register(
@@ -44,7 +44,7 @@ class LxTable(Model):
     wait_goal_position = Register(
         Pair(Command.SERVO_MOVE_TIME_WAIT_WRITE, Command.SERVO_MOVE_TIME_WAIT_READ), U16, angle,
         "target position kept until MOVE_START",
-        limits=(0, 1000), volatile=True, motion=True,
+        limits=(0, 1000), volatile=True, motion=Motion.GOAL,
         note="EL-04: not every LX-16A lets the kept move be read",
     )  # fmt: skip
     wait_goal_time = Register(
@@ -59,15 +59,17 @@ class LxTable(Model):
     angle_offset = Register(
         Pair(Command.SERVO_ANGLE_OFFSET_ADJUST, Command.SERVO_ANGLE_OFFSET_READ), S8, angle,
         "shift of the zero; the servo turns by it at once; saved by a command of its own",
-        default=0, limits=(-125, 125), area=EEPROM, note="EL-05, EL-14",
+        default=0, limits=(-125, 125), area=EEPROM, motion=Motion.ZERO, note="EL-05, EL-14",
     )  # fmt: skip
     min_position = Register(
         Pair(Command.SERVO_ANGLE_LIMIT_WRITE, Command.SERVO_ANGLE_LIMIT_READ), U16, angle,
         "lowest goal position, below max_position", default=0, limits=(0, 1000), area=EEPROM,
+        motion=Motion.LIMIT,
     )  # fmt: skip
     max_position = Register(
         Pair(Command.SERVO_ANGLE_LIMIT_WRITE, Command.SERVO_ANGLE_LIMIT_READ, 2), U16, angle,
         "highest goal position, above min_position", default=1000, limits=(0, 1000), area=EEPROM,
+        motion=Motion.LIMIT,
     )  # fmt: skip
     min_voltage = Register(
         Pair(Command.SERVO_VIN_LIMIT_WRITE, Command.SERVO_VIN_LIMIT_READ), U16, volts,
@@ -96,12 +98,12 @@ class LxTable(Model):
     mode = Register(
         Pair(Command.SERVO_OR_MOTOR_MODE_WRITE, Command.SERVO_OR_MOTOR_MODE_READ), U8, Choice(Mode),
         "position control or endless turn; position after power-on", default=Mode.POSITION, limits=(0, 1),
-        volatile=True, motion=True,
+        volatile=True, motion=Motion.MODE,
     )  # fmt: skip
     motor_speed = Register(
         Pair(Command.SERVO_OR_MOTOR_MODE_WRITE, Command.SERVO_OR_MOTOR_MODE_READ, 2), S16,
         turn_scale, "share of full output in motor mode; negative is reverse",
-        default=0, limits=(-FULL_OUTPUT, FULL_OUTPUT), volatile=True, motion=True,
+        default=0, limits=(-FULL_OUTPUT, FULL_OUTPUT), volatile=True, motion=Motion.SPEED,
         note="a duty in fact, not a controlled speed",
     )  # fmt: skip
     torque_enable = Register(
