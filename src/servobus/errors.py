@@ -47,10 +47,11 @@ class ServobusError(Exception):
     before: Mapping[str, Any] = MappingProxyType({})
 
     def tell_before(self, before: Mapping[str, Any], said: str) -> None:
-        """Say in the message, and in `before`, what was there before; the first who says so knows best."""
-        if not before or self.before:
-            return
-        self.before = dict(before)
+        """Say in the message what was there before, or what brings it back, and have it in `before`.
+
+        What knows more of the change says it first, and that stays.
+        """
+        self.before = {**before, **self.before}
         if len(self.args) == 1:
             self.args = (f"{self.args[0]}; {said}",)
         else:

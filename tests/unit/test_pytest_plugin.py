@@ -27,6 +27,10 @@ def test_two_buses_with_options(virtual_bus):
     quick, real = virtual_bus("lx16a@7", echo=True, voltage=6.5), virtual_bus("rx28@3", clock="real")
     assert quick.find(7).read(servobus.LX16A.present_voltage) == 6.5
     assert real.find(3).id == 3
+    by_manual, limp = virtual_bus("rx28@3", reading="manual"), virtual_bus("rx28@3", goal_torque=False)
+    assert [bus.transport.servos[0].options["goal_torque"] for bus in (quick, real, by_manual, limp)] == [
+        True, True, False, False
+    ]
     assert real.transport.blocking()
 
 def test_faults(virtual_bus):

@@ -308,7 +308,7 @@ class Servo(Closed):
         if speed is None and output is None:
             example = "speed=20 * rpm" if self.model.turns_at_speed() else "output=0.3"
             raise UsageError(f"{self.target}: say how fast, as in turn({example})")
-        yield from self.family.turn(self.target, speed=speed, output=output)
+        yield from reconfigure.turn(self.target, speed=speed, output=output)
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -351,11 +351,15 @@ class Servo(Closed):
 
         Raises UsageError if another servo has the factory id that this one would get.
         """
-        end = yield from reconfigure.reset(self.target, keep)
-        self._follow(end.id, end.baud)
-        self.record.forget()
-        self.permit.mark_idle()
-        yield from self._meet_again(self.id)
+        self.family.check_reset(self.target, keep)
+        before = yield from reconfigure.read_settings(self.target)
+        was = f"it was id {self.id} at {self.baud} baud before; its settings as they were are in `before` of this error"
+        with reconfigure.told(before, was):
+            end = yield from reconfigure.reset(self.target, keep)
+            self._follow(end.id, end.baud)
+            self.record.forget()
+            self.permit.mark_idle()
+            yield from self._meet_again(self.id)
 
     @bus_method
     def change_id(self, id: int) -> Procedure[None]:

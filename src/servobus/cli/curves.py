@@ -18,7 +18,7 @@ from servobus.cli.options import (
     found,
     on_servos_with,
     open_port,
-    sigterm_as_interrupt,
+    signals_as_interrupt,
     verb,
 )
 from servobus.cli.output import console
@@ -80,7 +80,7 @@ def plot(
         sampler = Sampler(bus, found(bus, where, ids), names, 1 / rate)
         history = History(sampler, span)
         table = stack.enter_context(CsvFile(csv)) if csv else None
-        stack.enter_context(sigterm_as_interrupt())
+        stack.enter_context(signals_as_interrupt())
         try:
             if out.is_terminal:
                 _show(out, sampler, history, seconds, table)

@@ -11,7 +11,7 @@ import click
 
 from servobus import MODELS, BusServo, ServobusError
 from servobus.cli.demo_motion import SWING, DemoBus
-from servobus.cli.options import sigterm_as_interrupt, verb
+from servobus.cli.options import signals_as_interrupt, verb
 from servobus.cli.output import console, note
 from servobus.core.units import show
 from servobus.errors import BadValue
@@ -40,7 +40,7 @@ def demo(seconds: float) -> None:
     """
     if not 0 < seconds <= 3600:
         raise BadValue(f"--seconds {seconds:g} is not in 0 .. 3600")
-    with sigterm_as_interrupt(), ExitStack() as stack:
+    with signals_as_interrupt(), ExitStack() as stack:
         buses = [
             stack.enter_context(DemoBus(stack.enter_context(_served(f"{name}@{ids}")), MODELS[name], asked))
             for name, ids, asked in SERVOS

@@ -16,7 +16,7 @@ from servobus.cli.options import (
     find_all,
     on_port,
     open_port,
-    sigterm_as_interrupt,
+    signals_as_interrupt,
     split_assignment,
     verb,
 )
@@ -73,7 +73,7 @@ def move(
     if time is not None and time > LONGEST:
         raise BadValue(f"--time {time:g} is more than {LONGEST:g} s")
     wanted = _goals(goals)
-    with open_port(port) as bus, sigterm_as_interrupt():
+    with open_port(port) as bus, signals_as_interrupt():
         angles = _by_servo(bus, where, wanted)
         servos = list(angles)
         try:

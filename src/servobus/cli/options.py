@@ -442,7 +442,7 @@ def unless_nobody_answers(otherwise: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def sigterm_as_interrupt() -> Iterator[None]:
+def signals_as_interrupt() -> Iterator[None]:
     """Let what ends a program raise KeyboardInterrupt, as Ctrl-C does, so that servos are made safe.
 
     That is SIGTERM, SIGHUP (the terminal was closed) and SIGQUIT; not one that is ignored, as SIGHUP is under nohup.

@@ -10,7 +10,7 @@ from servobus.cli.options import (
     for_each,
     on_servos,
     open_port,
-    sigterm_as_interrupt,
+    signals_as_interrupt,
     to_limit_options,
     verb,
 )
@@ -41,5 +41,5 @@ def rearm(port: str, ids: Ids, where: Where, to_limit: bool, speed: float | None
         click.echo(f"{servo.target}: torque on, holds {show(state.position, 'rad')}")
         warn_alarms(servo)
 
-    with open_port(port) as bus, sigterm_as_interrupt():
+    with open_port(port) as bus, signals_as_interrupt():
         for_each(bus, where, ids, rearm_one)

@@ -10,6 +10,7 @@ from servobus import BusServo, ServobusError
 from servobus.cli.advice import command_for
 from servobus.cli.backup import write_backup
 from servobus.cli.options import Ids, Where, find, for_each, on_servo, on_servos, open_port, verb
+from servobus.cli.output import note
 from servobus.errors import BadValue, UsageError
 from servobus.families import registry
 
@@ -43,18 +44,35 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
             raise ServobusError("nothing was changed")
         path = Path(file or time.strftime(f"{saved.model.key()}-id{id}-%Y%m%d-%H%M%S.toml"))
         write_backup(saved, path)
+        factory_id = id if "id" in kept else servo.model.register("id").default or 0
+        end = factory_id, old_baud if "baud" in kept else servo.model.factory_baud
+        undo = _undo(servo, where, port, path, end)
         try:
             servo.reset(keep=kept)
         except UsageError:
             path.unlink()  # refused before anything was sent: there is nothing to undo
             raise
+        except BaseException:
+            note(f"its settings before are in {path}")
+            note(f"if it is reset it is id {end[0]} at {end[1]} baud now, and to undo that:")
+            for line in undo:
+                note(line)
+            raise
     click.echo(f"{saved.model.named(f'id {id}')} is reset: id {servo.id} at {servo.baud} baud now")
     click.echo(f"its settings before are in {path}; to undo:")
-    click.echo(f"  {command_for(servo, where, 'restore', port, servo.id, shlex.quote(str(path)))}")
+    for line in undo:
+        click.echo(line)
+
+
+def _undo(servo: BusServo, where: Where, port: str, path: Path, end: tuple[int, int]) -> list[str]:
+    """Write the commands that bring a servo back, which has this id and speed after its reset."""
+    id, baud = end
+    lines = [command_for(servo, where, "restore", port, id, shlex.quote(str(path)), baud=baud)]
     if servo.id != id:
-        click.echo(f"  {command_for(servo, where, 'set-id', port, servo.id, id)}")
-    if servo.baud != old_baud:
-        click.echo(f"  {command_for(servo, where, 'set-baud', port, id, old_baud)}")
+        lines.append(command_for(servo, where, "set-id", port, id, servo.id, baud=baud))
+    if servo.baud != baud:
+        lines.append(command_for(servo, where, "set-baud", port, servo.id, servo.baud, baud=baud))
+    return [f"  {line}" for line in lines]
 
 
 @verb("reboot", "servobus reboot /dev/ttyUSB0 219", "servobus reboot /dev/ttyUSB0 219,220")

@@ -2,9 +2,12 @@
 
 import click
 
+from servobus.cli.advice import command_for
 from servobus.cli.options import ID, Where, find, on_port, on_servo, open_port, verb
+from servobus.cli.output import note
+from servobus.errors import BusError, PortError
 from servobus.families import registry
-from servobus.jobs.reconfigure import is_one_speed
+from servobus.jobs.reconfigure import is_one_speed, listed_baud
 
 
 @verb("set-id", "servobus set-id /dev/ttyUSB0 1 7", "servobus set-id /dev/ttyUSB0 1 7 --family dynamixel")
@@ -18,7 +21,11 @@ def set_id(port: str, where: Where, old: int, new: int) -> None:
     """
     with open_port(port) as bus:
         servo = find(bus, where, old)
-        servo.change_id(new)
+        try:
+            servo.change_id(new)
+        except (BusError, PortError):
+            note(f"if it answers to id {new} now, {command_for(servo, where, 'set-id', port, new, old)} brings it back")
+            raise
         click.echo(f"{servo.model.named(f'id {old}')} is now id {new}")
 
 
@@ -34,7 +41,12 @@ def set_baud(port: str, id: int, where: Where, new: int) -> None:
     with open_port(port) as bus:
         servo = find(bus, where, id)
         old = servo.baud
-        servo.change_baud(new)
+        try:
+            servo.change_baud(new)
+        except (BusError, PortError):
+            back = command_for(servo, where, "set-baud", port, id, old, baud=listed_baud(servo.target, new))
+            note(f"if it answers at {new} baud now, {back} brings it back")
+            raise
         same = f"; {new} is the same to it" if servo.baud != new else ""
         if is_one_speed(servo.model, old, servo.baud):
             click.echo(f"{servo.target} talks at {servo.baud} baud already{same}")

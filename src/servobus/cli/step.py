@@ -20,7 +20,7 @@ from servobus.cli.options import (
     check_above_0,
     find,
     open_port,
-    sigterm_as_interrupt,
+    signals_as_interrupt,
     split_assignment,
     unless_nobody_answers,
     verb,
@@ -198,7 +198,7 @@ def _real_response(
     settings: tuple[str, ...],
     limits: tuple[float, float] | None,
 ) -> tuple[Response, str]:
-    with open_port(port) as bus, sigterm_as_interrupt():
+    with open_port(port) as bus, signals_as_interrupt():
         servo = find(bus, where, id)
         state = servo.look()
         here = state.position
@@ -233,21 +233,27 @@ def _torque_restored(servo: BusServo, *, torque: bool) -> Iterator[None]:
     """Torque on inside; afterwards as it was, and so is the speed that moves set in some. What fails stops it first."""
     speed = servo.model.optional("goal_speed")
     old_speed = None if speed is None else servo.read(speed)
-    try:
-        if not torque:
-            servo.torque_on()
-        yield
-    except KeyboardInterrupt:
-        stop_all(servo._bus, [servo])
-        raise click.exceptions.Exit(130) from None
-    except ServobusError:
-        stop_all(servo._bus, [servo])
-        raise
-    finally:
+
+    def restore() -> None:
         if not torque:
             servo.torque_off()
         if speed is not None:
             servo.write(speed, old_speed)
+
+    try:
+        if not torque:
+            servo.torque_on()
+        yield
+    except (KeyboardInterrupt, ServobusError) as error:
+        stop_all(servo._bus, [servo])
+        try:
+            restore()
+        except ServobusError as failure:  # the first error is the one that is told
+            note(f"servobus: {servo.target} may not be as it was before: {failure}")
+        if isinstance(error, KeyboardInterrupt):
+            raise click.exceptions.Exit(130) from None
+        raise
+    restore()
 
 
 def _set(servo: BusServo, settings: tuple[str, ...]) -> None:

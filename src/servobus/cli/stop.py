@@ -14,16 +14,16 @@ from servobus.cli.options import (
     find_all,
     on_servos,
     open_port,
-    sigterm_as_interrupt,
+    signals_as_interrupt,
     to_limit_options,
     verb,
 )
 from servobus.cli.output import note, warn_alarms
 from servobus.core.ids import BROADCAST, LAST_ID
-from servobus.errors import BusError, MotionError, NoReply, StopFailed
+from servobus.errors import BusError, MotionError, NoReply, PortError, PortLost, StopFailed
 from servobus.families import registry
 from servobus.families.base import Family, StopOutcome
-from servobus.jobs.everyone_off import everyone_off
+from servobus.jobs.everyone_off import LONGEST_FLUSH, by_speed, everyone_off, spare_bauds
 from servobus.jobs.scan import FoundServo, ScanProgress, scan
 
 Rounds = Sequence[tuple[Family, Sequence[int]]]
@@ -71,8 +71,8 @@ def torque(port: str, ids: Ids, where: Where, state: str, to_limit: bool, speed:
     its limits, because it stands outside of them, is refused; --to-limit brings it there slowly. Off: each shaft turns
     freely, so support what it carries; each is switched off as soon as it is found, as `stop` does.
 
-    `all off` looks for nobody: within two seconds every id is told, twice at each speed that servos of each family can
-    be set to, or at --baud. No servo answers that.
+    `all off` looks for nobody: every id is told, within two seconds twice at each speed that is usual for its family,
+    then once at all others that it can be set to; or at --baud alone. No servo answers that.
     """
     if to_limit and state == "off":
         raise click.UsageError("--to-limit goes with on")
@@ -86,13 +86,16 @@ def torque(port: str, ids: Ids, where: Where, state: str, to_limit: bool, speed:
         servo.torque_off()
         switched(servo)
 
-    with open_port(port) as bus, sigterm_as_interrupt():
+    with open_port(port) as bus, signals_as_interrupt():
         if state == "on":
             _torque_on(find_all(bus, where, ids), switched, to_limit=to_limit, speed=speed)
         elif ids == ALL:
             rounds = where.everywhere()
             _tell_torque_off(bus, where, rounds)
             click.echo(f"torque off: told all ids of {_said(rounds)}")
+            if where.baud is None and (odd := _odd(where, rounds)):
+                _tell_torque_off(bus, where, odd, times=1)
+                click.echo(f"and at {sum(len(bauds) for _, bauds in odd)} speeds in between, which are not usual")
             note("no servo answers that; `servobus scan` shows which obeyed")
         else:
             _each_as_it_is_found(bus, where, ids, switch_off)
@@ -190,9 +193,28 @@ def _known(bus: Bus, found: FoundServo) -> BusServo:
     return bus.attach(model, found.id, baud=found.baud, answers=found.identity.answers)
 
 
-def _tell_torque_off(bus: Bus, where: Where, rounds: Rounds, id: int = BROADCAST) -> None:
+def _tell_torque_off(bus: Bus, where: Where, rounds: Rounds, id: int = BROADCAST, *, times: int = 2) -> None:
     models = {family.name: list(where.models_of(family)) for family, _ in rounds}
-    bus.do(everyone_off(rounds, models, id))
+    plan = by_speed(rounds)
+    refused: dict[int, PortError] = {}
+    for _ in range(times):
+        for baud, families in plan:
+            try:
+                bus.do(everyone_off(baud, families, models, id, flush=LONGEST_FLUSH if times > 1 else 0.0))
+            except PortLost:
+                raise
+            except PortError as error:  # an adapter that cannot have this speed: at the others servos are still told
+                refused[baud] = error
+        # The second time the other way round: what servos heard before it at another speed is another thing then.
+        plan.reverse()
+    for why in refused.values():
+        note(f"servobus: nobody was told there: {why}")
+
+
+def _odd(where: Where, rounds: Rounds) -> Rounds:
+    """Give the speeds that servos can be set to as well, but seldom are."""
+    odd = [(family, spare_bauds(where.models_of(family), bauds)) for family, bauds in rounds]
+    return [(family, bauds) for family, bauds in odd if bauds]
 
 
 def _said(rounds: Rounds) -> str:

@@ -12,7 +12,7 @@ from servobus.cli.options import (
     find,
     on_servo,
     open_port,
-    sigterm_as_interrupt,
+    signals_as_interrupt,
     verb,
 )
 from servobus.cli.output import note, warn_alarms
@@ -54,7 +54,7 @@ def turn(
         raise click.BadParameter(f"{100 * output:g} % is not in -100 .. 100", param_hint="--output")
     if limits is not None and not end:
         raise click.UsageError("--limits goes with --end")
-    with open_port(port) as bus, sigterm_as_interrupt():
+    with open_port(port) as bus, signals_as_interrupt():
         servo = find(bus, where, id)
         if end:
             if limits is not None:
@@ -84,15 +84,30 @@ def _check_option(servo: BusServo, speed: float | None) -> None:
 
 def _turn(bus: Bus, servo: BusServo, where: Where, output: float | None, speed: float | None) -> None:
     motion_status = bus.do(servo.family.motion_status(servo.target), baud=servo.baud)
+    port = bus.transport.name
+    low, high = (
+        servo.model.register(name).said(raw).removesuffix("°")
+        for name, raw in (("min_position", motion_status.low), ("max_position", motion_status.high))
+    )
+    words = servo.id, "--end", "--limits", low, high
+    back = f"back to angles: {command_for(servo, where, 'turn', port, *words)}"
+    gives_up = any(pair.both_zero for pair in servo.model.limit_pairs) and not motion_status.turning
+    if gives_up:  # before anything is sent: whatever ends this, the limits are told
+        note(f"it gives up its angle limits, {low}° to {high}°, for that; {back}")
     try:
         if not motion_status.torque:
             # A HerkuleX takes a speed only while it is driven, so the torque comes first, and holds where it is.
             servo.torque_on()
         try:
             servo.turn(speed=speed, output=output)
-        except ServobusError:
+        except ServobusError as error:
+            if error.before:
+                note(back)
             if not motion_status.torque:
-                servo.torque_off()  # leave it as it was
+                try:
+                    servo.torque_off()  # leave it as it was
+                except ServobusError as another:
+                    note(f"{servo.target} may have torque and turn: {another}")
             raise
         if not motion_status.torque:
             note(f"torque switched on: id {servo.id}")
@@ -100,13 +115,9 @@ def _turn(bus: Bus, servo: BusServo, where: Where, output: float | None, speed: 
         stop_all(bus, [servo])
         raise click.exceptions.Exit(130) from None
     pace = show(speed, "rad/s") if speed is not None else show(output or 0.0, "1") + " of full output"
-    port = bus.transport.name
     click.echo(f"{servo.target} turns at {pace}; `{command_for(servo, where, 'stop', port, servo.id)}` stops it")
-    if not motion_status.turning:
-        row = servo.model.register("goal_position")
-        low, high = (show(row.decode(raw), "rad").removesuffix("°") for raw in (motion_status.low, motion_status.high))
-        words = servo.id, "--end", "--limits", low, high
-        note(f"back to angles: {command_for(servo, where, 'turn', port, *words)}")
+    if not motion_status.turning and not gives_up:
+        note(back)
 
 
 def _position_text(servo: BusServo) -> str:

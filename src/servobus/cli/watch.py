@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from servobus import BusServo
-from servobus.cli.options import sigterm_as_interrupt
+from servobus.cli.options import signals_as_interrupt
 from servobus.cli.output import compact, console
 from servobus.cli.samples import CsvFile, Sample, Sampler
 from servobus.core.present import unit_text
@@ -26,7 +26,7 @@ def watch(sampler: Sampler, *, seconds: float | None, csv: Path | None, json: bo
     """Show samples until that time is over, or until Ctrl-C or SIGTERM: in a table that stays, or a line each time."""
     with ExitStack() as stack:
         table = stack.enter_context(CsvFile(csv)) if csv else None
-        stack.enter_context(sigterm_as_interrupt())
+        stack.enter_context(signals_as_interrupt())
         live = _live(stack) if console().is_terminal and not json else None
         drawn = -DRAW_PERIOD
         try:

@@ -42,12 +42,13 @@ def value(row: Register[Any], raw: int) -> Any:
 
 
 @contextmanager
-def before_told(before: Mapping[Register[Any], int], remedy: str = "") -> Iterator[None]:
-    """Have an error that breaks off what is done inside tell what was there before, and what brings it back."""
+def before_told(before: Mapping[Register[Any], int]) -> Iterator[None]:
+    """Have an error that breaks off what is written inside tell what was there before."""
     try:
         yield
     except ServobusError as error:
-        values = ", ".join(said(row, raw) for row, raw in before.items())
-        text = f"what was there before: {values}" + (f"; {remedy}" if remedy else "")
-        error.tell_before({row.name: value(row, raw) for row, raw in before.items()}, text)
+        if before:
+            values = ", ".join(said(row, raw) for row, raw in before.items())
+            found = {row.name: value(row, raw) for row, raw in before.items()}
+            error.tell_before(found, f"what was there before: {values}")
         raise

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 from servobus.core.exchange import Batch, Exchange, LateAnswers, Lateness, Pause, Procedure, SetBaud, Settle
 from servobus.core.ids import LAST_ID, check_id
 from servobus.core.values import frozen
-from servobus.errors import BusError, NoReply, UnknownName, UsageError
+from servobus.errors import BadReading, BusError, NoReply, UnknownName, UsageError
 from servobus.families import registry
 from servobus.families.base import Answers, Family, Identity, Model, ServoRef
 from servobus.jobs.look import Snapshot, look
@@ -240,7 +240,10 @@ def _meet(family: Family, id: int, baud: int, alarms: int, identify: Identify) -
     model = identify(family, id, baud, identity.number)
     state = None
     if model is not None and identity.answers is not Answers.NOTHING:
-        state = yield from look(ServoRef(id, model, identity.answers))
+        try:
+            state = yield from look(ServoRef(id, model, identity.answers))
+        except BadReading:  # the servo is there, and can be stopped, whatever its registers read as
+            state = None
     return FoundServo(family, id, baud, identity, model, state, alarms)
 
 

@@ -410,3 +410,7 @@ def test_ports_and_files_that_cannot_be_had(tmp_path: Path, refused: Callable[..
         with serial.Serial(port, exclusive=True):
             assert "in use by this process" in refused("sniff", port)
     assert taken.read_text() == "mine"
+
+
+def test_N18_a_virtual_port_alone_has_nobody_who_talks(refused: Callable[..., str]) -> None:
+    assert "--app gives an application a way to it" in refused("sniff", "virtual:rx28@1")

@@ -132,6 +132,23 @@ def test_N2_one_at_another_speed_is_looked_for_there(ports: Callable[[str], Any]
         assert stand(bus) == [True]
 
 
+@pytest.mark.parametrize("verb", ["stop", "torque"])
+@pytest.mark.parametrize(
+    ("key", "rows"), [("rx28", {"model_number": 29}), ("drs0602", {"model_no1": 1, "model_no2": 1})]
+)
+def test_N2_one_of_an_unknown_model_is_stopped_too(
+    ports: Callable[[str], Any], run: Run, key: str, rows: dict[str, int], verb: str
+) -> None:
+    bus = ports(f"{key}@1")
+    set_going(bus, turn=False)
+    for name, raw in rows.items():
+        bus.transport.servos[0].put(name, raw)
+    words = ("off",) if verb == "torque" else ()
+    result = run(verb, "arm", 1, *words)
+    assert "torque off" in result.stdout or "stopped: held at " in result.stdout
+    assert stand(bus) == [True]
+
+
 # Torque off, to all
 
 
@@ -157,6 +174,38 @@ def test_N6_all_off_reaches_every_speed_within_two_seconds(ports: Callable[[str]
         assert [real.torque for real in bus.transport.servos] == [False] * 3, baud
         assert str(baud) in said
         assert "every servo" not in said
+
+
+@pytest.mark.parametrize("baud", [2_000_000, 222_222, 34_482, 10_000, 7_843])
+def test_N6_all_off_reaches_speeds_that_are_not_usual(ports: Callable[[str], Any], run: Run, baud: int) -> None:
+    """RX-28: 2 Mbit/s / (code + 1), any code from 0 to 254 (3-4-1 Baud Rate)."""
+    bus = ports("rx28@1")
+    servo = bus.find(1)
+    servo.torque_on()
+    real = bus.transport.servos[0]
+    real.memory.store(servo.model.register("baud"), round(2_000_000 / baud) - 1)
+    real._listen()
+    begun = bus.transport.now()
+    run("torque", "arm", "all", "off")
+    assert not bus.transport.servos[0].torque
+    assert bus.transport.now() - begun < 4
+
+
+def test_N6_a_speed_that_the_port_refuses_keeps_no_other_from_being_told(
+    ports: Callable[[str], Any], run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bus = ports("rx28@1")
+    bus.find(1).torque_on()
+    set_speed = bus.transport.set_baud
+
+    def refuse(baud: int) -> None:
+        if baud != 57_600:
+            raise servobus.PortError(f"arm cannot be set to {baud} baud")
+        set_speed(baud)
+
+    monkeypatch.setattr(bus.transport, "set_baud", refuse)
+    assert "nobody was told there: arm cannot be set to 666666 baud" in run("torque", "arm", "all", "off").stderr
+    assert not bus.transport.servos[0].torque
 
 
 def test_N6_servos_of_all_families_at_one_speed_hear_it(ports: Callable[[str], Any], run: Run) -> None:

@@ -9,7 +9,8 @@ from servobus.core.present import value_entry, value_text
 from servobus.core.registers import U8, U16, Int, Register
 from servobus.core.units import Count, Switch
 from servobus.errors import BusError
-from servobus.families.dynamixel.places import Address
+from servobus.families.dynamixel.firmware import Dynamixel1Servo
+from servobus.families.dynamixel.places import TABLE, Address
 from unit.scripted import Scripted
 
 
@@ -110,6 +111,22 @@ def test_T3_a_code_without_meaning_is_an_error_of_the_driver_too() -> None:
     servo = servobus.Bus(port, echo=False).attach(DRS0602, 1)
     with pytest.raises(BadReading, match=r"DRS-0602 id 1: torque_control is raw 65 \(no known meaning\)"):
         servo.read(DRS0602.torque_control)
+
+
+def test_T3_a_servo_whose_position_cannot_be_is_found_and_can_be_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    sense = Dynamixel1Servo._sense
+
+    def nonsense(self: Dynamixel1Servo) -> None:
+        sense(self)
+        self.memory.write(TABLE, 36, b"\x00\x82")
+
+    monkeypatch.setattr(Dynamixel1Servo, "_sense", nonsense)
+    with servobus.open("virtual:rx28@1?clock=virtual") as bus:
+        (servo,) = bus.scan(ids=[1])
+        assert servo.model is RX28
+        with pytest.raises(BadReading, match=r"present_position is out of range \(raw 0x8200\)"):
+            servo.read(RX28.present_position)
+        servo.torque_off()
 
 
 def test_T3_a_switch_that_reads_neither_0_nor_1() -> None:

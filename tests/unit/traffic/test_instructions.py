@@ -261,3 +261,16 @@ def test_T3_decode_says_what_is_out_of_range(load: Callable[..., Any]) -> None: 
         "status of id 1: ok, present_speed out of range (raw 0x0d51)"
     )
     assert load("decode", args)[1]["text"] == "status of id 1: ok, address 38: 51 0D"
+
+
+@pytest.mark.parametrize(
+    ("packet", "words"),
+    [
+        ("55 55 01 05 1F 01 00 D9", "SERVO_LOAD_OR_UNLOAD_WRITE id 1: torque_enable on, and 00 more than it has"),
+        ("55 55 FE 04 0B 00 F2", "SERVO_MOVE_START to all, and 00 more than it has"),
+    ],
+)
+@pytest.mark.parametrize("side", [OUT, UNKNOWN])
+def test_T6_surplus_bytes_of_a_lewansoul_command_are_told(packet: str, words: str, side: Direction) -> None:
+    (event,) = watch((0.0, side, bytes.fromhex(packet)))
+    assert (event.kind, event.text) == (EventKind.REQUEST, f"{words}, which servos ignore")

@@ -405,14 +405,7 @@ def variants() -> list[str]:
     return made
 
 
-LEAVES_ENDLESS_TURN = pytest.mark.xfail(reason="position_mode trusts the servo to hold where it is", strict=False)
-UNSAFE = "rx28@1,goal_after_turn=kept", "lx16a@1,goal_after_limp=kept"
-
-
-@pytest.mark.parametrize(
-    "spec",
-    [pytest.param(one, marks=LEAVES_ENDLESS_TURN if one.startswith(UNSAFE) else ()) for one in variants()],
-)
+@pytest.mark.parametrize("spec", variants())
 def test_the_driver_gets_along_with_each(spec: str, tmp_path: Path) -> None:
     port = connect(f"virtual:{spec}&clock=virtual")
     bus = Bus(port)

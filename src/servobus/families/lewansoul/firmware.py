@@ -37,6 +37,7 @@ from servobus.families.lewansoul.protocol import (
     encode,
     length_of,
     parse_request,
+    without_surplus,
 )
 from servobus.virtual.device.options import ON_OFF, OneOf, Option, Span
 from servobus.virtual.device.servo import Replies, VirtualServo
@@ -148,7 +149,7 @@ class LewansoulServo(VirtualServo):
         if isinstance(event, Corrupt):
             return []  # L-10
         try:
-            request = _parse(_without_surplus(event) if self.surplus == "obeyed" else event)
+            request = _parse(without_surplus(event) if self.surplus == "obeyed" else event)
         except ValueError:
             return []  # L-10
         if self.out_of_range == "ignored" and not self._in_range(request):
@@ -452,12 +453,3 @@ class LewansoulServo(VirtualServo):
                 self._move(*late)
             elif self.goal_after_limp == "kept" and "goal_position" not in self._ungiven:
                 self._move(self.get("goal_position"), 0)
-
-
-def _without_surplus(packet: Packet) -> Packet:
-    """Give a packet without the parameter bytes that its command does not have (EL-23)."""
-    try:
-        size = length_of(Command(packet.code).params)
-    except ValueError:
-        return packet
-    return packet if len(packet.data) <= size else Packet(packet.id, packet.code, packet.data[:size], packet.end)

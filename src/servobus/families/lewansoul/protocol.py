@@ -205,6 +205,15 @@ def values_of(command: Command, fields: Fields, data: bytes) -> tuple[int, ...]:
     return tuple(layout.unpack(data[at : at + layout.size]) for _, layout, at in places_of(fields))
 
 
+def without_surplus(packet: Packet) -> Packet:
+    """Give a packet without the parameter bytes that its command does not have (EL-23)."""
+    try:
+        size = length_of(Command(packet.code).params)
+    except ValueError:
+        return packet
+    return packet if len(packet.data) <= size else Packet(packet.id, packet.code, packet.data[:size], packet.end)
+
+
 def length_of(fields: Fields) -> int:
     return sum(layout.size for _, layout in fields)
 

@@ -28,7 +28,7 @@ from servobus.families.base import (
     cannot,
     check_output,
 )
-from servobus.families.explain import addressed, show_value
+from servobus.families.explain import addressed, show_bytes, show_value
 from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import (
     FRAMING,
@@ -50,6 +50,7 @@ from servobus.families.lewansoul.protocol import (
     question,
     send,
     values_of,
+    without_surplus,
 )
 from servobus.families.motion import raw_position
 
@@ -280,12 +281,17 @@ class Lewansoul(Family):
         try:
             return f"answer to {_say(parse_answer(packet), model)}"
         except ValueError:
+            pass
+        obeyed = without_surplus(packet)
+        if obeyed is packet:
             return problem
+        surplus = show_bytes(packet.data[len(obeyed.data) :])
+        return f"{_say(parse_request(obeyed), model)}, and {surplus} more than it has, which servos ignore"
 
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
         """Only reads are answered; of those to all, SERVO_ID_READ alone (manual 3)."""
         try:
-            command = parse_request(packet).command
+            command = parse_request(packet if _is_answer(packet) else without_surplus(packet)).command
         except ValueError:
             return None
         everybody = packet.id == BROADCAST
@@ -317,6 +323,14 @@ class Lewansoul(Family):
             return bytearray(length_of(command.params))
         old = yield from _parameters(target.id, _pair(next(iter(group))).read)
         return bytearray(old)
+
+
+def _is_answer(packet: Packet) -> bool:
+    try:
+        parse_answer(packet)
+    except ValueError:
+        return False
+    return True
 
 
 LEWANSOUL = Lewansoul()
