@@ -295,7 +295,6 @@ class TestPatience:
         latency.note(0.001)
         latency.note(3600.0)
         assert latency.reply_margin == Latency.LONGEST
-        assert latency.usual_delay == 0.001
 
     def test_T8_what_is_late_each_time_is_waited_for(self) -> None:
         latency = Latency(Scripted())
