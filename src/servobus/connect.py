@@ -40,7 +40,7 @@ def open(
     safe_action   what a crash does with servos that were driven: "hold" (also by default), "free" or "brake"; see
                   `Servo.safe_action`
     models        what servos are that cannot say it themselves: "lx16a" for all of that family, {3: "lx16a"} for id 3;
-                  the first model of their family by default
+                  an LX servo is taken for an LX-16A else, any other for one of an unknown model
 
     Raises PortError if the port is missing, in use or not permitted, UsageError for a name that is no port or no model.
     """

@@ -68,11 +68,12 @@ class KnownServos(Generic[S]):
         if answers is None:
             policy = policy_register(model)
             answers = Answers.READS if policy is None or policy.default is None else Answers(policy.default)
-        if old is not None:
-            baud = old.baud
+        assumed = baud is None and (old is None or old in self._speed_assumed)
+        if old is not None and not assumed:
+            baud = old.baud  # where it was met; one that was only assumed goes with the model
         servo = self._know(ServoRef(id, model, answers), baud or model.factory_baud, firmware, old)
         self._named.add(servo)
-        if baud is None:
+        if assumed:
             self._speed_assumed.add(servo)
         return servo
 

@@ -27,10 +27,11 @@ def examine(port: str, plan: SearchPlan, watch: Watcher = lambda *_: None) -> It
         with connect.open(port) as bus:
             bus.models = plan.models
             yield from check_open_port(bus)
-            there = yield from search(bus, plan, watch)
+            taken: set[int] = set()
+            there = yield from search(bus, plan, watch, taken)
             if willing := [servo for servo in there if servo.target.answers is not Answers.NOTHING]:
                 # Reading comes first: some errors show themselves only after a while.
-                lost = list(losses(bus, willing, plan.reads, watch)) if plan.reads else []
+                lost = list(losses(bus, willing, plan.reads, watch, taken)) if plan.reads else []
                 yield from health(bus, willing)
                 yield from lost
     except PortLost as error:

@@ -71,15 +71,32 @@ def at(family: Family, baud: int) -> str:
     return "" if baud in registry.factory_bauds(family) else f"--baud {baud}"
 
 
-def duplicate_id(port: str, what: str, servo: tuple[Family, int, int], taken: Iterable[int]) -> Finding:
+def duplicate_id(port: str, what: str, servo: tuple[Family, int, int], taken: set[int]) -> Finding:
     """Give the finding that two servos may have one id: they answer at once and garble each other.
 
-    `servo` is the family, the id and the speed in question; `taken` are the ids that are in use.
+    `servo` is the family, the id and the speed in question. `taken` are the ids at which something answers, however
+    badly, and those that were offered before; the one that is offered here is added.
     """
     family, id, baud = servo
-    free = next((number for number in range(1, LAST_ID) if number not in {id, *taken}), LAST_ID)
+    taken.add(id)
+    free = next((number for number in range(1, LAST_ID + 1) if number not in taken), None)
     cause = f"two servos with id {id}? Leave one of them alone on the wire and give it another id; or noise"
+    if free is None:
+        return Finding(Severity.FAIL, "ids", what, cause)
+    taken.add(free)
     return Finding(Severity.FAIL, "ids", what, cause, (command("set-id", port, id, free, at(family, baud)),))
+
+
+def is_noise(garbled: int, answering: int) -> bool:
+    """Tell whether so many garbled servos of all that answer have one cause: two pairs with one id each are rare."""
+    return garbled > 1 and 2 * garbled >= answering
+
+
+NOISE = (
+    "noise, since it is not one id alone: a missing ground wire, a line that is too long or without termination, a "
+    "weak supply, or another program that talks on it"
+)
+"""Cause where many answers are garbled."""
 
 
 def id_list(ids: Iterable[int]) -> str:

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from servobus.bus.blocking import Bus, BusServo
 from servobus.core.exchange import Exchange, Procedure
-from servobus.doctor.findings import Finding, Severity, Watcher, duplicate_id
+from servobus.doctor.findings import NOISE, Finding, Severity, Watcher, duplicate_id, id_list, is_noise
 from servobus.errors import BadChecksum, BusError, Garbled, NoReply, WrongReply
 
 T = TypeVar("T")
@@ -50,14 +50,20 @@ class ReadCounts:
         return times[min(int(share * len(times)), len(times) - 1)]
 
 
-def losses(bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher) -> Iterator[Finding]:
-    """Read positions so many times in all, and say how many answers were lost."""
+def losses(
+    bus: Bus, servos: Sequence[BusServo], reads: int, watch: Watcher, taken: set[int] | None = None
+) -> Iterator[Finding]:
+    """Read positions so many times in all, and say how many answers were lost; `taken` as for `duplicate_id`."""
     counts = count(bus, servos, reads, watch)
-    taken = [servo.id for servo in servos]
-    for servo, lost in counts.by_servo.items():
-        if sum(lost[kind] for kind in _UNCLEAR) >= HOPELESS:
-            what = f"{servo.target}: its answers are garbled again and again"
-            yield duplicate_id(bus.transport.name, what, (servo.family, servo.id, servo.baud), taken)
+    taken = {servo.id for servo in servos} | (taken or set())
+    garbled = [servo for servo, lost in counts.by_servo.items() if sum(lost[kind] for kind in _UNCLEAR) >= HOPELESS]
+    if is_noise(len(garbled), len(servos)):
+        what = f"{id_list(servo.id for servo in garbled)}: their answers are garbled again and again"
+        yield Finding(Severity.FAIL, "ids", what, NOISE)
+        garbled = []
+    for servo in garbled:
+        what = f"{servo.target}: its answers are garbled again and again"
+        yield duplicate_id(bus.transport.name, what, (servo.family, servo.id, servo.baud), taken)
     yield _summary(counts)
 
 

@@ -6,11 +6,22 @@ from dataclasses import dataclass, field
 
 from servobus.bus.blocking import Bus, BusServo
 from servobus.core.ids import LAST_ID
-from servobus.doctor.findings import SHOWN, Finding, Severity, Watcher, at, command, duplicate_id, id_list
+from servobus.doctor.findings import (
+    NOISE,
+    SHOWN,
+    Finding,
+    Severity,
+    Watcher,
+    at,
+    command,
+    duplicate_id,
+    id_list,
+    is_noise,
+)
 from servobus.errors import Garbled
 from servobus.families import registry
 from servobus.families.base import Answers, Family
-from servobus.jobs.scan import FoundServo, Models, ScanProblem, ScanProgress
+from servobus.jobs.scan import LATE, FoundServo, Models, ScanProblem, ScanProgress
 
 Rounds = Sequence[tuple[Family, tuple[int, ...]]]
 """Families to ask, each with its speeds."""
@@ -41,10 +52,23 @@ class SearchResult:
     servos: list[BusServo] = field(default_factory=list)
     found: list[FoundServo] = field(default_factory=list)
     troubles: list[ScanProblem] = field(default_factory=list)
+    late: float = 0.0
+    """s by which answers come late, if that is much."""
+
+    @property
+    def ids(self) -> set[int]:
+        """Ids at which something answers, however badly."""
+        return {one.id for one in self.found} | {one.id for one in self.troubles}
 
 
-def search(bus: Bus, plan: SearchPlan, watch: Watcher) -> Generator[Finding, None, list[BusServo]]:
-    """Look for servos; give those that can be spoken to. Moves nothing, changes nothing."""
+def search(
+    bus: Bus, plan: SearchPlan, watch: Watcher, taken: set[int] | None = None
+) -> Generator[Finding, None, list[BusServo]]:
+    """Look for servos; give those that can be spoken to. Moves nothing, changes nothing.
+
+    Ids at which something answers, and those that are offered as free, are put into `taken`.
+    """
+    taken = set() if taken is None else taken
     result = _scan(bus, plan.rounds, plan.ids, watch)
     if not result.found and not result.troubles and plan.spare:
         result = _scan(bus, plan.spare, plan.ids, watch, until_found=True)
@@ -52,12 +76,15 @@ def search(bus: Bus, plan: SearchPlan, watch: Watcher) -> Generator[Finding, Non
         heard = "the adapter hears what it sends; that is taken out" if bus.echo else "none"
         yield Finding(Severity.OK, "echo", heard)
     port = bus.transport.name
+    if result.late:
+        yield _late(result.late)
     if result.found:
         yield from _list_servos(port, result.found)
         yield _speeds(port, result.found)
     elif not result.troubles:
         yield _no_answer(port, plan)
-    yield from _unclear_answers(port, result)
+    taken |= result.ids
+    yield from _unclear_answers(port, result, taken)
     return result.servos
 
 
@@ -76,9 +103,19 @@ def _scan(bus: Bus, rounds: Rounds, ids: Sequence[int], watch: Watcher, *, until
             result.servos += bus.scan(family=family, bauds=[baud], ids=ids, watch=tell)
             result.found += bus.survey.found
             result.troubles += bus.survey.troubles
+            result.late = max(result.late, bus.survey.late)
             if result.found and until_found:
                 return result
     return result
+
+
+def _late(seconds: float) -> Finding:
+    what = f"answers come {1000 * seconds:.0f} ms late"
+    cause = (
+        "the adapter or its driver holds them back (its latency timer), a network is slow, or the servos are; "
+        f"{1 / seconds:.0f} reads a second at most. servobus waits for them; other programs may see no servo"
+    )
+    return Finding(Severity.WARN, "lateness", what, cause)
 
 
 def _no_answer(port: str, plan: SearchPlan) -> Finding:
@@ -88,7 +125,7 @@ def _no_answer(port: str, plan: SearchPlan) -> Finding:
     asked = ", ".join(f"{name} at {'/'.join(map(str, bauds))}" for name, bauds in speeds.items())
     cause = (
         "no power, no common ground, a wire that is loose or in the wrong place, an adapter that does not switch "
-        "its direction, or a speed or an id that was not asked"
+        f"its direction, a speed or an id that was not asked, or answers that come more than {LATE:g} s late"
     )
     everything = all(set(bauds) >= set(registry.bauds(family)) for family, bauds in plan.rounds) or plan.spare
     mend = () if everything else (command("doctor", port, "--baud all"),)
@@ -143,20 +180,32 @@ def _factory_bauds(family: Family, found: list[FoundServo]) -> tuple[int, ...]:
     return tuple(known) or registry.factory_bauds(family)
 
 
-def _unclear_answers(port: str, result: SearchResult) -> Iterator[Finding]:
+def _unclear_answers(port: str, result: SearchResult, taken: set[int]) -> Iterator[Finding]:
     """Report answers that made no sense. Two servos with one id answer at once, and garble each other."""
+    garbled = {one.id for one in result.troubles if isinstance(one.error, Garbled)}
+    noise = is_noise(len(garbled), len(result.ids))
     for one in result.troubles[:SHOWN]:
         what = f"{one.family.title} id {one.id} at {one.baud}: something answers, but not clearly ({one.error})"
         others = [near.family.name for near in result.found if near.baud == one.baud and near.family is not one.family]
         if others:
             cause = "a servo of another family that heard what was not meant for it?"
             yield Finding(Severity.WARN, "ids", what, cause, (command("doctor", port, f"--family {others[0]}"),))
+        elif noise:
+            yield Finding(Severity.FAIL, "ids", what, NOISE)
         elif isinstance(one.error, Garbled):
-            taken = {near.id for near in result.found} | {near.id for near in result.troubles}
             yield duplicate_id(port, what, (one.family, one.id, one.baud), taken)
         else:
             yield Finding(Severity.FAIL, "ids", what, "noise, or a servo that answers too late?")
     if (more := len(result.troubles) - SHOWN) > 0:
         yield Finding(Severity.WARN, "ids", f"and {more} more unclear answers, probably of the same cause")
     if result.found and not result.troubles:
-        yield Finding(Severity.OK, "ids", "each is there once, as far as answers tell")
+        yield Finding(Severity.OK, "ids", f"each is there once, as far as answers tell{_shared(result.found)}")
+
+
+def _shared(found: list[FoundServo]) -> str:
+    """Say which ids servos of several families have. That is allowed, but an id alone does not tell them apart."""
+    owners: dict[int, list[str]] = {}
+    for one in found:
+        owners.setdefault(one.id, []).append(one.model.title if one.model else one.family.title)
+    said = [f"id {id} is that of {' and '.join(titles)}" for id, titles in owners.items() if len(titles) > 1]
+    return f"; {', '.join(said[:SHOWN])}: --family tells which is meant" if said else ""

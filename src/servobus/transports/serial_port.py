@@ -32,8 +32,8 @@ else:
 
 LATENCY = 0.025
 """s; assumption: the usual USB adapter holds bytes back for up to 16 ms; the rest is the system's."""
-NETWORK_LATENCY = 0.1
-"""s; assumption: what a local network and the device at its other end may need."""
+NETWORK_LATENCY = 0.25
+"""s; assumption: what a network, a wireless or a distant one too, and the device at its other end may need."""
 UARTS = {"ch341", "cp210x", "ftdi_sio", "pl2303", "serial", "serial8250", "uart-pl011"}
 """Drivers of chips whose bytes surely take their time. Boards that speak USB themselves (cdc_acm) need not."""
 STUCK = 1.0

@@ -111,3 +111,12 @@ def test_a_model_of_thirty_lines_is_all_there() -> None:
         saved = two.backup()
         with pytest.raises(UsageError, match="RX-28"):
             two.restore(servobus.Backup(RX28, "", 2, 57_600, saved.values))
+
+
+def test_a_speed_that_was_assumed_goes_with_the_model() -> None:
+    with servobus.open("virtual:ax912@1?clock=virtual") as bus:
+        assert bus.attach(RX28, 1).baud == 57_600
+        servo = bus.attach(AX912, 1)
+        assert servo.baud == 1_000_000
+        servo.ping()
+        assert bus.attach(RX28, 1, baud=1_000_000).model is RX28

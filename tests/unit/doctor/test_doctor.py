@@ -9,9 +9,11 @@ import pytest
 from samples import factory_bauds
 from servobus import DRS0602, FAMILIES, RX28, Bus, connect, deg
 from servobus.doctor import Finding, SearchPlan, Severity, examine
+from servobus.doctor.findings import duplicate_id
 from servobus.doctor.losses import count
 from servobus.doctor.port import check_open_port, check_system
 from servobus.errors import PortLost
+from servobus.families import registry
 from servobus.transports import usb_adapter as facts
 from servobus.transports.usb_adapter import Adapter
 from servobus.virtual.serve import inprocess
@@ -356,3 +358,30 @@ def test_the_limits_have_one_name_in_all_models() -> None:
     assert RX28.register("min_voltage") is RX28.lowest_limit_voltage
     assert RX28.register("max_temperature") is RX28.highest_limit_temperature
     assert DRS0602.register("min_voltage") is DRS0602.min_voltage
+
+
+class TestNoise:
+    """N15, and the part of N13 that is doctor's."""
+
+    def test_N15_many_garbled_ids_are_noise(self) -> None:
+        findings = visit("rx28@1-4?clock=virtual&faults=flip=0.9", reads=200)
+        ids = [finding for finding in findings if finding.check == "ids"]
+        assert ids
+        assert all("noise" in finding.cause or "more" in finding.what for finding in ids)
+        assert not any(mend.startswith("servobus set-id") for finding in findings for mend in finding.mend)
+
+    def test_N15_no_id_is_offered_that_something_answers_at(self) -> None:
+        taken = {1, 2, 3}
+        offered = [duplicate_id("P", "", (registry.family("dynamixel"), id, 57_600), taken).mend[0] for id in (1, 2)]
+        assert offered == ["servobus set-id P 1 4", "servobus set-id P 2 5"]
+        full = set(range(254))
+        assert duplicate_id("P", "", (registry.family("dynamixel"), 7, 57_600), full).mend == ()
+
+    def test_N13_an_id_of_two_families_is_told_as_what_it_is(self) -> None:
+        found = told(visit("rx28@1,lx16a@1?clock=virtual"))["ids"]
+        assert found.level is Severity.OK
+        assert "id 1 is that of RX-28 and LX-16A: --family tells which is meant" in found.what
+
+    def test_T10_a_servo_for_another_supply_is_judged_by_its_own_limits(self) -> None:
+        # A high-voltage servo of the LX series at three cells; the protocol takes limits up to 12 V (point 12).
+        assert told(visit("lx16a@1?clock=virtual&voltage=11.1"))["voltage"].level is Severity.OK
