@@ -4,6 +4,7 @@ A port is a device path (`/dev/ttyUSB0`), `COM4`, `socket://host:port`, `rfc2217
 `virtual:SPEC` for virtual servos in this process, such as `virtual:rx28@1-4,lx16a@7`.
 """
 
+import re
 from collections.abc import Iterable
 from os import PathLike, fspath
 from typing import TYPE_CHECKING
@@ -85,6 +86,10 @@ def _name(port: str | PathLike[str]) -> str:
         raise UsageError(f"{port!r:.40} is no name of a port; one is /dev/ttyUSB0, COM4 or virtual:rx28@1-4")
     if not given.strip():
         raise UsageError("the name of the port is empty; `servobus ports` lists what is plugged in")
+    if match := re.match(r"(socket|rfc2217)://([^/?#]*)", given):
+        number = match[2].rpartition(":")[2]
+        if not number.isdecimal() or not 0 < int(number) < 1 << 16 or len(number) == len(match[2].lstrip(":")):
+            raise UsageError(f"{given}: write {match[1]}://HOST:PORT, such as {match[1]}://pi.local:3333")
     return given
 
 

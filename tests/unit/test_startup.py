@@ -66,7 +66,7 @@ def test_reading_a_virtual_servo_needs_neither_rich_nor_serial_nor_asyncio() -> 
     ("late", "script"),
     [
         ("tomllib", "servobus.Backup.parse('')"),
-        ("difflib", "servobus.families.registry.model('rx82')"),
+        ("difflib", "servobus.RX28.register('punsh')"),
     ],
 )
 def test_what_is_imported_late_is_there_when_needed(late: str, script: str) -> None:

@@ -55,7 +55,7 @@ def backup(port: str, ids: Ids, where: Where, files: tuple[str, ...], output: st
 
 @verb("restore", "servobus restore /dev/ttyUSB0 1 elbow.toml", "servobus restore /dev/ttyUSB0 1 elbow.toml --yes")
 @on_servo
-@click.argument("file")
+@click.argument("file", type=click.Path())
 @click.option("--torque-off", is_flag=True, help="Switch the torque off first, if it is on.")
 @click.option("--yes", is_flag=True, help="Do not ask, not even about a backup of another id.")
 def restore(port: str, id: int, where: Where, file: str, torque_off: bool, yes: bool) -> None:

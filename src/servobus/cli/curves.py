@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from servobus.cli import complete
 from servobus.cli.canvas import Curve, Panel, draw
 from servobus.cli.options import (
     SECONDS,
@@ -51,7 +52,7 @@ FASTEST = 1000.0
     "servobus plot /dev/ttyUSB0 1 present_load --rate 100 --seconds 5 --csv a.csv",
     "servobus plot virtual:rx28@1-2 all present_voltage",
 )
-@on_servos_with("names", "REGISTER...")
+@on_servos_with("names", "REGISTER...", shell_complete=complete.registers)
 @click.option("--rate", type=float, default=20.0, show_default=True, metavar="HZ", help="Readings a second.")
 @click.option("--seconds", type=SECONDS, metavar="S", help="End after so long; else with Ctrl-C.")
 @click.option("--span", type=SECONDS, default=10.0, metavar="S", help="How much of the past is shown; 10 s by default.")

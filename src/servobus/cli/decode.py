@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from servobus import FAMILIES
-from servobus.cli.options import FamilyOption, as_json, verb
+from servobus.cli.options import FamilyOption, ModelOption, as_json, verb
 from servobus.cli.output import compact, note, print_json
 from servobus.cli.packets import print_events, print_summary
 from servobus.errors import UsageError
@@ -35,7 +35,9 @@ INDENT = " " * 8
 )
 @click.argument("source", metavar="BYTES...|FILE|-", nargs=-1, required=True)
 @click.option("--family", cls=FamilyOption, metavar="FAMILY", help="{families}; else all of them are looked for.")
-@click.option("--model", metavar="MODEL", help="Whose registers; else those of the model that a servo reports.")
+@click.option(
+    "--model", cls=ModelOption, metavar="MODEL", help="Whose registers; else those of the model that a servo reports."
+)
 @as_json
 def decode(source: tuple[str, ...], family: str | None, model: str | None, json: bool) -> None:
     """Explain bytes packet by packet, with what is broken or junk between them.

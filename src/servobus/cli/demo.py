@@ -14,7 +14,6 @@ from servobus.cli.demo_motion import SWING, DemoBus
 from servobus.cli.options import signals_as_interrupt, verb
 from servobus.cli.output import console, note
 from servobus.core.units import show
-from servobus.errors import BadValue
 from servobus.virtual.serve.ports import PtyPort
 from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import Setup, parse_specs
@@ -39,7 +38,7 @@ def demo(seconds: float) -> None:
     Ctrl-C ends it; the torque is released either way.
     """
     if not 0 < seconds <= 3600:
-        raise BadValue(f"--seconds {seconds:g} is not in 0 .. 3600")
+        raise click.UsageError(f"--seconds {seconds:g} is not in 0 .. 3600")
     with signals_as_interrupt(), ExitStack() as stack:
         buses = [
             stack.enter_context(DemoBus(stack.enter_context(_served(f"{name}@{ids}")), MODELS[name], asked))

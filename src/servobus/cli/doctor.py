@@ -10,7 +10,6 @@ from servobus.cli.options import Where, as_json, id_list, on_port, verb
 from servobus.cli.output import console, print_json
 from servobus.core.ids import LAST_ID
 from servobus.doctor import Finding, Rounds, SearchPlan, Severity, examine
-from servobus.errors import BadValue
 from servobus.families import registry
 
 if TYPE_CHECKING:
@@ -40,9 +39,9 @@ def doctor(port: str, where: Where, ids: str, reads: int, json: bool) -> None:
     no servo answers at the factory speeds, all others are tried. The exit code is 1 if something is wrong.
     """
     if not 0 <= reads <= MOST_READS:
-        raise BadValue(f"--reads {reads} is not in 0 .. {MOST_READS}")
+        raise click.UsageError(f"--reads {reads} is not in 0 .. {MOST_READS}")
     if not port.strip():
-        raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
+        raise click.UsageError("PORT is empty; `servobus ports` lists what is plugged in")
     plan = SearchPlan(list(where.rounds()), _other_speeds(where), id_list(ids), reads, where.model)
     findings = []
     with ExitStack() as stack:

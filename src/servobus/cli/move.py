@@ -1,5 +1,6 @@
 """`move`: servos to angles."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
@@ -69,9 +70,9 @@ def move(
         raise click.UsageError("a move takes either --time or --speed, not both")
     for name, value in (("--time", time), ("--speed", speed)):
         if value is not None and value <= 0:
-            raise BadValue(f"{name} must be above 0")
+            raise click.UsageError(f"{name} must be above 0")
     if time is not None and time > LONGEST:
-        raise BadValue(f"--time {time:g} is more than {LONGEST:g} s")
+        raise click.UsageError(f"--time {time:g} is more than {LONGEST:g} s")
     wanted = _goals(goals)
     with open_port(port) as bus, signals_as_interrupt():
         angles = _by_servo(bus, where, wanted)
@@ -110,6 +111,9 @@ class Goal:
         except ValueError as error:
             hint = "; an angle is 90, 90deg or 1.57rad" if "unit" in str(error) else ""
             raise ValueError(f"{error}{hint}") from None
+        if abs(angle) > 4 * math.pi and text.lower().rstrip().endswith("rad"):
+            degrees = text.lower().rstrip().removesuffix("rad").strip()
+            raise ValueError(f"{text} are {show(angle, 'rad')}; did you mean {degrees}, in degrees?")
         return cls(-angle if sign == "-" else angle, bool(sign) or text.startswith("+"))
 
     def of(self, servo: BusServo) -> float:
@@ -126,14 +130,17 @@ def _goals(texts: Sequence[str]) -> dict[int | Literal["all"], Goal]:
     for text in texts:
         word, angle = split_assignment(text, "ID=ANGLE, such as 1=90, or 1+=5 for 5° further")
         sign = word[-1] if word.endswith(("+", "-")) else ""
-        ids = IDS.convert(word.removesuffix(sign), None, None)
+        try:
+            ids = IDS.convert(word.removesuffix(sign), None, None)
+        except BadValue as error:
+            raise click.UsageError(str(error)) from None
         try:
             goal = Goal.parse(sign, angle)
         except ValueError as error:
-            raise BadValue(f"id {word}: {error}") from None
+            raise click.UsageError(f"id {word}: {error}") from None
         for id in [ALL] if isinstance(ids, str) else ids:
             if id in goals:
-                raise BadValue(f"id {id} is named twice")
+                raise click.UsageError(f"id {id} is named twice")
             goals[id] = goal
     if ALL in goals and len(goals) > 1:
         raise click.UsageError(f"say either ids or `{ALL}`")

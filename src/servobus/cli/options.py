@@ -10,9 +10,11 @@ from types import FrameType
 from typing import Any, Literal, TypeAlias, TypeVar
 
 import click
+from click.shell_completion import CompletionItem
 
 import servobus
 from servobus import Bus, BusServo
+from servobus.cli import complete
 from servobus.cli.app import Verb
 from servobus.cli.output import note
 from servobus.core.arguments import check_baud
@@ -230,6 +232,16 @@ class FamilyOption(click.Option):
         record = super().get_help_record(ctx)
         return record and (record[0], record[1].format(families=registry.names(registry.FAMILIES)))
 
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        return complete.families(ctx, self, incomplete)
+
+
+class ModelOption(click.Option):
+    """An option that takes the name of a model."""
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        return complete.models(ctx, self, incomplete)
+
 
 def where_options(command: F) -> F:
     """Add --family, --baud and --model, which arrive as one `where`."""
@@ -244,7 +256,7 @@ def where_options(command: F) -> F:
     options = (
         click.option("--family", cls=FamilyOption, metavar="FAMILY", expose_value=False, callback=_where,
                      help="Look only for {families} servos."),
-        click.option("--model", metavar="MODEL", expose_value=False, callback=_where,
+        click.option("--model", cls=ModelOption, metavar="MODEL", expose_value=False, callback=_where,
                      help="What a servo is that cannot say it itself; only its family is looked for."),
         click.option("--baud", type=BAUD, metavar="N|all", expose_value=False, callback=_where,
                      help="Look at this speed, or at every speed; else at the factory speeds."),
@@ -254,14 +266,19 @@ def where_options(command: F) -> F:
     return command
 
 
+def port_argument() -> Callable[[F], F]:
+    """Make the argument PORT."""
+    return click.argument("port", shell_complete=complete.ports)
+
+
 def on_port(command: F) -> F:
     """Take PORT first, and where to look."""
-    return click.argument("port")(where_options(command))
+    return port_argument()(where_options(command))
 
 
 def on_servo(command: F) -> F:
     """Take PORT and ID first, and where to look."""
-    return click.argument("port")(click.argument("id", type=ID)(where_options(command)))
+    return port_argument()(click.argument("id", type=ID)(where_options(command)))
 
 
 def on_servos(command: F) -> F:
@@ -271,10 +288,12 @@ def on_servos(command: F) -> F:
         return joined_ids(words)
 
     ids = click.argument("ids", metavar="ID...", type=IDS, nargs=-1, required=True, callback=_joined)
-    return click.argument("port")(ids(where_options(command)))
+    return port_argument()(ids(where_options(command)))
 
 
-def on_servos_with(name: str, metavar: str, *, needed: bool = True) -> Callable[[F], F]:
+def on_servos_with(
+    name: str, metavar: str, *, needed: bool = True, shell_complete: complete.Complete | None = None
+) -> Callable[[F], F]:
     """Take PORT and ID... first, then words of another kind, and where to look.
 
     The ids arrive as `ids`, the other words as `name`.
@@ -287,8 +306,15 @@ def on_servos_with(name: str, metavar: str, *, needed: bool = True) -> Callable[
         return rest
 
     def take(command: F) -> F:
-        words = click.argument(name, metavar=f"ID... {metavar}", nargs=-1, required=True, callback=_split)
-        return click.argument("port")(words(where_options(command)))
+        words = click.argument(
+            name,
+            metavar=f"ID... {metavar}",
+            nargs=-1,
+            required=True,
+            callback=_split,
+            shell_complete=shell_complete,
+        )
+        return port_argument()(words(where_options(command)))
 
     return take
 

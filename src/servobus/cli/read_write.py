@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from servobus import Bus, BusServo
+from servobus.cli import complete
 from servobus.cli.options import (
     SECONDS,
     Ids,
@@ -41,7 +42,7 @@ WHO = 15
     "servobus read /dev/ttyUSB0 1-4 present_position present_temperature --watch",
     "servobus read /dev/ttyUSB0 1 present_load --watch --interval 0.02 --csv a.csv",
 )
-@on_servos_with("names", "REGISTER...")
+@on_servos_with("names", "REGISTER...", shell_complete=complete.registers)
 @click.option("--watch", is_flag=True, help="Read again and again, until Ctrl-C.")
 @click.option("--interval", type=SECONDS, metavar="S", help="With --watch: seconds from reading to reading; else 0.2.")
 @click.option("--seconds", type=SECONDS, metavar="S", help="With --watch: end after so long.")
@@ -139,7 +140,7 @@ def _print_rows(servo: BusServo, values: Mapping[str, str], *, several: bool) ->
     "servobus write /dev/ttyUSB0 1 max_position=200deg min_position=20 --save",
     "servobus write /dev/ttyUSB0 219 status_error=0 status_detail=0",
 )
-@on_servos_with("settings", "REGISTER=VALUE...")
+@on_servos_with("settings", "REGISTER=VALUE...", shell_complete=complete.settings)
 @click.option("--save", is_flag=True, help="Store it so that it survives power-off; a HerkuleX forgets it else.")
 @as_json
 def write(port: str, ids: Ids, where: Where, settings: tuple[str, ...], save: bool, json: bool) -> None:
@@ -150,7 +151,7 @@ def write(port: str, ids: Ids, where: Where, settings: tuple[str, ...], save: bo
     """
     wanted = dict(split_assignment(setting, "REGISTER=VALUE, such as led=on") for setting in settings)
     if len(wanted) != len(settings):
-        raise BadValue("a register is named twice")
+        raise click.UsageError("a register is named twice")
     several = are_several(ids)
     with open_port(port) as bus:
         plans = [(servo, _encoded(servo, wanted)) for servo in find_all(bus, where, ids)]

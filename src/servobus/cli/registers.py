@@ -2,6 +2,7 @@
 
 import click
 
+from servobus.cli import complete
 from servobus.cli.options import as_json, verb
 from servobus.cli.output import console, print_json
 from servobus.core.present import place_text, register_entry, title_text, writable_text
@@ -15,8 +16,8 @@ from servobus.families.base import Model
     "servobus registers lx16a goal_position max_position",
     "servobus registers drs0602 --json",
 )
-@click.argument("model", metavar="MODEL")
-@click.argument("names", metavar="[REGISTER]...", nargs=-1)
+@click.argument("model", metavar="MODEL", shell_complete=complete.models)
+@click.argument("names", metavar="[REGISTER]...", nargs=-1, shell_complete=complete.registers)
 @as_json
 def registers(model: str, names: tuple[str, ...], json: bool) -> None:
     """Show the register table of a model, or some registers of it with the notes about them.

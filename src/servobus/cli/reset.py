@@ -11,7 +11,7 @@ from servobus.cli.advice import command_for
 from servobus.cli.backup import write_backup
 from servobus.cli.options import Ids, Where, find, for_each, on_servo, on_servos, open_port, verb
 from servobus.cli.output import note
-from servobus.errors import BadValue, UsageError
+from servobus.errors import UsageError
 from servobus.families import registry
 
 
@@ -33,7 +33,7 @@ def reset(port: str, id: int, where: Where, keep: str, file: str | None, yes: bo
     if kept:
         keepable = dict.fromkeys(word for family in registry.FAMILIES.values() for word in family.keepable)
         if unknown := kept - keepable.keys():
-            raise BadValue(f"--keep {', '.join(sorted(unknown))}: only {', '.join(keepable)} can be kept")
+            raise click.UsageError(f"--keep {', '.join(sorted(unknown))}: only {', '.join(keepable)} can be kept")
     with open_port(port) as bus:
         servo = find(bus, where, id)
         servo.family.check_reset(servo.target, kept)

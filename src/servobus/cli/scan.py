@@ -67,6 +67,8 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
             note("servobus: stopped; this is what was found so far")
     found, troubles = result.found, result.troubles
     _note_problems(troubles, found)
+    if result.late:
+        note(f"answers come {1000 * result.late:.0f} ms late; waited longer for them (`servobus doctor` says more)")
     if json:
         print_json([_entry(one) for one in found])
     elif not found and not broken_off:

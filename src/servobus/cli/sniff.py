@@ -12,12 +12,13 @@ from typing import TypeAlias
 
 import click
 
+from servobus.cli import complete
 from servobus.cli.decode import find_family_and_model
-from servobus.cli.options import BAUD, FamilyOption, as_json, stop_on_signals, verb
+from servobus.cli.options import BAUD, FamilyOption, ModelOption, as_json, stop_on_signals, verb
 from servobus.cli.output import compact, note
 from servobus.cli.packets import print_events, print_summary
 from servobus.connect import FIRST_BAUD, transport
-from servobus.errors import BadValue, ServobusError, UsageError
+from servobus.errors import ServobusError, UsageError
 from servobus.families import registry
 from servobus.families.base import Family, Model
 from servobus.traffic.events import TrafficEvent
@@ -49,7 +50,7 @@ News: TypeAlias = Entry | float | Exception | None
     "and then the application, in another terminal:",
     "servobus scan /tmp/arm",
 )
-@click.argument("port")
+@click.argument("port", shell_complete=complete.ports)
 @click.option(
     "--baud", type=BAUD, metavar="N", help="Speed, until the application sets one; else the family's, or 115200."
 )
@@ -63,7 +64,9 @@ News: TypeAlias = Entry | float | Exception | None
 @click.option("--once", is_flag=True, help="With --app: end when the application closes its port.")
 @click.option("--save", metavar="FILE", help="Write a recording, which `servobus decode FILE` shows again.")
 @click.option("--family", cls=FamilyOption, metavar="FAMILY", help="{families}; else all of them are looked for.")
-@click.option("--model", metavar="MODEL", help="Whose registers; else those of the model that a servo reports.")
+@click.option(
+    "--model", cls=ModelOption, metavar="MODEL", help="Whose registers; else those of the model that a servo reports."
+)
 @as_json
 def sniff(
     port: str,
@@ -87,8 +90,6 @@ def sniff(
         raise click.UsageError("--once needs --app")
     if app is not None and sys.platform == "win32":
         raise UsageError("--app needs a pseudo terminal, and Windows has none; listen with a second adapter instead")
-    if not port.strip():
-        raise BadValue("PORT is empty; `servobus ports` lists what is plugged in")
     if app is None and port.startswith("virtual:"):
         raise UsageError(f"{port} has nobody that talks; --app gives an application a way to it")
     known_family, known_model = find_family_and_model(family, model)

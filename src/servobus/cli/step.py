@@ -11,7 +11,7 @@ import click
 
 import servobus
 from servobus import MODELS, Bus, BusServo, UsageError, deg
-from servobus.cli import plot
+from servobus.cli import complete, plot
 from servobus.cli.options import (
     ANGLE,
     SECONDS,
@@ -57,7 +57,7 @@ RETURN_SPEED = 60 * deg
     "servobus step drs0602 --set position_kp=200 --load inertia=0.02 --plot a.png",
     "servobus step /dev/ttyUSB0 1 --to 90 --limits 60 120",
 )
-@click.argument("what", metavar="MODEL|PORT")
+@click.argument("what", metavar="MODEL|PORT", shell_complete=complete.models)
 @click.argument("id", required=False, type=int)
 @click.option("--to", "to", type=ANGLE, metavar="ANGLE", help="Goal; 45° from where it is by default.")
 @click.option("--start", type=ANGLE, metavar="ANGLE", help="Where a virtual servo starts; the middle by default.")

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import click
 
+from servobus.cli import complete
 from servobus.cli.app import Verb
 from servobus.cli.live_table import LiveTable
 from servobus.cli.options import BAUD, UnitType, stop_on_signals
 from servobus.cli.output import note
 from servobus.cli.virtual_console import VirtualConsole, read_commands
 from servobus.cli.virtual_options import options_text, write_options
-from servobus.errors import BadValue
 from servobus.virtual.device.options import READINGS, Reading
 from servobus.virtual.physics.motor import NOTHING, Load
 from servobus.virtual.serve.ports import serve_pty, serve_tcp
@@ -77,7 +77,7 @@ EXAMPLES = (
 
 
 @click.command("virtual", cls=VirtualVerb, examples=EXAMPLES)
-@click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
+@click.argument("specs", metavar="SPEC...", nargs=-1, required=True, shell_complete=complete.specs)
 @click.option("--pty", metavar="LINK", help="Make LINK a symbolic link to the terminal.")
 @click.option("--tcp", metavar="[HOST:]PORT", help="Serve a TCP port instead; port 0 takes any free one.")
 @click.option("--baud", type=BAUD, metavar="N", help="Speed the servos start with; else the factory speed.")
@@ -234,5 +234,5 @@ def _host_and_port(text: str) -> tuple[str, int]:
     """Read HOST:PORT, [::1]:PORT or PORT."""
     host, _, port = text.rpartition(":")
     if not port.isdecimal() or int(port) > 65535:
-        raise BadValue(f"--tcp {text}: write [HOST:]PORT, such as 127.0.0.1:3333")
+        raise click.UsageError(f"--tcp {text}: write [HOST:]PORT, such as 127.0.0.1:3333")
     return host.strip("[]") or "127.0.0.1", int(port)

@@ -236,6 +236,29 @@ class Now:
 
 
 @frozen
+class Lateness:
+    """How late answers come on a port.
+
+    usual   s by which they usually come later than their bits allow
+    servos  the servos, as (framing, id), that have answered after they were given up
+    """
+
+    usual: float
+    servos: frozenset[tuple[Framing, int]]
+
+
+@frozen
+class LateAnswers:
+    """Step of a procedure: give the `Lateness` of this port, with the servos that came late since the last such step.
+
+    As long as nothing has been heard on the port, it listens for late answers first, for `wait` s; later on the link
+    knows how long they take, and has waited already.
+    """
+
+    wait: float = 0.0
+
+
+@frozen
 class Batch:
     """Step of a procedure: several questions of one family, each sent before the answer to the last is in.
 
@@ -252,7 +275,7 @@ class Batch:
     yields: bool = False
 
 
-Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Settle | Now | Batch
+Step: TypeAlias = Exchange[Any] | SetBaud | Pause | Settle | Now | LateAnswers | Batch
 Procedure: TypeAlias = Generator[Step, Any, T]
 Job: TypeAlias = Exchange[T] | Procedure[T]
 

@@ -9,7 +9,7 @@ what is no reply is handed back as a stranger.
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
-from servobus.core.exchange import Exchange, GroupExchange, ReplyPattern
+from servobus.core.exchange import Exchange, GroupExchange
 from servobus.core.framing import INCOMPLETE, Corrupt, Decoder, Event, Framing, Noise, Packet
 from servobus.errors import BadChecksum, BrokenEcho, BusError, DuplicateId, Garbled, NoReply, ShortReply, WrongReply
 
@@ -84,10 +84,10 @@ class ReplyCollector:
         )
 
     @property
-    def missing(self) -> list[tuple[Exchange[Any], ReplyPattern]]:
-        """What has not come; after a broken echo nothing counts as come."""
+    def missing(self) -> list[int]:
+        """The numbers of the replies that have not come; after a broken echo none counts as come."""
         broken = self.broken_echo
-        return [one for one, packet in zip(self.expected, self.packets, strict=True) if packet is None or broken]
+        return [n for n, packet in enumerate(self.packets) if packet is None or broken]
 
     def feed(self, chunk: bytes) -> list[Arrival]:
         """Take bytes in; give the good packets that are complete now, in the order in which they came."""
@@ -121,6 +121,13 @@ class ReplyCollector:
             self.packets[n] = None
             self._open += 1
             self.strangers.append(packet)
+
+    def replace_heard(self, heard: bytes) -> None:
+        """Go by this instead of what was heard, when all is over: without what is known to be no answer to this."""
+        self.heard[:] = heard
+        events = self.exchanges[0].framing.decode(heard[len(self.sent) if self.echo else 0 :])
+        self.corrupt = sum(isinstance(event, Corrupt) for event in events)
+        self.junk = sum(len(event.raw) for event in events if isinstance(event, Noise))
 
     def give_up(self, n: int, error: BusError) -> None:
         """Expect this reply no more: what comes for it is a stranger, and its outcome is this error."""

@@ -21,7 +21,7 @@ from servobus.doctor.findings import (
 from servobus.errors import Garbled
 from servobus.families import registry
 from servobus.families.base import Answers, Family
-from servobus.jobs.scan import FoundServo, Models, ScanProblem, ScanProgress
+from servobus.jobs.scan import LATE, FoundServo, Models, ScanProblem, ScanProgress
 
 Rounds = Sequence[tuple[Family, tuple[int, ...]]]
 """Families to ask, each with its speeds."""
@@ -52,6 +52,8 @@ class SearchResult:
     servos: list[BusServo] = field(default_factory=list)
     found: list[FoundServo] = field(default_factory=list)
     troubles: list[ScanProblem] = field(default_factory=list)
+    late: float = 0.0
+    """s by which answers come late, if that is much."""
 
     @property
     def ids(self) -> set[int]:
@@ -74,6 +76,8 @@ def search(
         heard = "the adapter hears what it sends; that is taken out" if bus.echo else "none"
         yield Finding(Severity.OK, "echo", heard)
     port = bus.transport.name
+    if result.late:
+        yield _late(result.late)
     if result.found:
         yield from _list_servos(port, result.found)
         yield _speeds(port, result.found)
@@ -99,9 +103,19 @@ def _scan(bus: Bus, rounds: Rounds, ids: Sequence[int], watch: Watcher, *, until
             result.servos += bus.scan(family=family, bauds=[baud], ids=ids, watch=tell)
             result.found += bus.survey.found
             result.troubles += bus.survey.troubles
+            result.late = max(result.late, bus.survey.late)
             if result.found and until_found:
                 return result
     return result
+
+
+def _late(seconds: float) -> Finding:
+    what = f"answers come {1000 * seconds:.0f} ms late"
+    cause = (
+        "the adapter or its driver holds them back (its latency timer), a network is slow, or the servos are; "
+        f"{1 / seconds:.0f} reads a second at most. servobus waits for them; other programs may see no servo"
+    )
+    return Finding(Severity.WARN, "lateness", what, cause)
 
 
 def _no_answer(port: str, plan: SearchPlan) -> Finding:
@@ -111,7 +125,7 @@ def _no_answer(port: str, plan: SearchPlan) -> Finding:
     asked = ", ".join(f"{name} at {'/'.join(map(str, bauds))}" for name, bauds in speeds.items())
     cause = (
         "no power, no common ground, a wire that is loose or in the wrong place, an adapter that does not switch "
-        "its direction, or a speed or an id that was not asked"
+        f"its direction, a speed or an id that was not asked, or answers that come more than {LATE:g} s late"
     )
     everything = all(set(bauds) >= set(registry.bauds(family)) for family, bauds in plan.rounds) or plan.spare
     mend = () if everything else (command("doctor", port, "--baud all"),)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from servobus.core.exchange import Batch, Exchange, Pause, Procedure, SetBaud, Settle
+from servobus.core.exchange import Batch, Exchange, LateAnswers, Lateness, Pause, Procedure, SetBaud, Settle
 from servobus.core.ids import LAST_ID, check_id
 from servobus.core.values import frozen
 from servobus.errors import BadReading, BusError, NoReply, UnknownName, UsageError
@@ -80,6 +80,8 @@ class ScanResult:
         self.found: list[FoundServo] = []
         self.troubles: list[ScanProblem] = []
         self.conflicts: list[ModelConflict] = []
+        self.late = 0.0
+        """s by which answers came later than their bits allow, if that is much; else 0."""
 
 
 Models: TypeAlias = str | type[Model] | Mapping[int, str | type[Model]]
@@ -116,8 +118,12 @@ def by_number(family: Family, _id: int, _baud: int, number: int | None) -> type[
     return registry.identified(family, number) or registry.unknown(family, number)
 
 
-AT_ONCE = 16
+AT_ONCE = 32
 """Ids that a scan asks before it looks at the answers, if nothing else waits for the line."""
+MUCH = 0.02
+"""s; a USB adapter that hands answers over after 16 ms is no news."""
+LATE = 0.3
+"""s for which a scan that heard nothing listens for late answers at its end; assumption: none comes later."""
 GIVE_WAY = Pause(0.0, shared=True)
 """A scan takes seconds: whatever else waits for the line comes first, between any two ids."""
 
@@ -135,13 +141,22 @@ def scan(
     """Ask every id of every family at every speed whether it is there, each once. Moves nothing, changes nothing.
 
     `bauds` are speeds for all families, or family -> speeds; None means the factory speeds of each family's models.
-    What is found is put into `survey` at once, so it is there even if the scan is broken off.
+    What is found is put into `survey` at once, so it is there even if the scan is broken off. Servos whose answers come
+    after they were given up are asked again, with the patience that this has taught the link; a line on which nobody
+    answers costs `LATE` s once.
     """
     wanted = list(dict.fromkeys(check_id(id) for id in ids))
     rounds = in_order(families, bauds)
     survey = ScanResult() if survey is None else survey
     done = 0
+    asked: list[tuple[int, Family]] = []
+
+    def tell(family: Family, baud: int, id: int, found: FoundServo | None) -> None:
+        if watch is not None:
+            watch(ScanProgress(done, len(rounds) * len(wanted), family, baud, id, found))
+
     for baud, family in rounds:
+        asked.insert(0, (baud, family))
         yield SetBaud(baud)
         for start in range(0, len(wanted), AT_ONCE):
             some = wanted[start : start + AT_ONCE]
@@ -154,14 +169,37 @@ def scan(
                     found = None
                     if not isinstance(answer, NoReply):
                         found = yield from _met(family, id, baud, survey, identify)
-                    if watch is not None:
-                        watch(ScanProgress(done, len(rounds) * len(wanted), family, baud, id, found))
+                    tell(family, baud, id, found)
                 some = some[len(answers) :]
+        wait = LATE if (baud, family) == rounds[-1] else 0.0
+        yield from _ask_late_ones_again(asked, wait, survey, identify, tell)
         here = [other for speed, other in rounds if speed == baud]
         if family is here[-1]:
             for other in here:
                 yield Settle(other.framing)
     return survey
+
+
+def _ask_late_ones_again(
+    asked: Sequence[tuple[int, Family]],
+    wait: float,
+    survey: ScanResult,
+    identify: Identify,
+    tell: Callable[[Family, int, int, FoundServo], None],
+) -> Procedure[None]:
+    """Look at the servos whose answers came too late, at each speed at which they were asked, the last one first."""
+    lateness: Lateness = yield LateAnswers(wait)
+    survey.late = lateness.usual if lateness.usual > MUCH else 0.0
+    for framing, id in sorted(lateness.servos, key=lambda one: one[1]):
+        for baud, family in asked:
+            if family.framing is not framing:
+                continue
+            if any(one.family is family and one.id == id for one in survey.found):
+                break
+            yield GIVE_WAY
+            yield SetBaud(baud)
+            if found := (yield from _met(family, id, baud, survey, identify)):
+                tell(family, baud, id, found)
 
 
 def in_order(
@@ -192,6 +230,7 @@ def _met(family: Family, id: int, baud: int, survey: ScanResult, identify: Ident
         survey.troubles.append(ScanProblem(family, id, baud, error))
         return None
     survey.found.append(found)
+    survey.troubles = [one for one in survey.troubles if (one.family, one.id, one.baud) != (family, id, baud)]
     return found
 
 

@@ -1,7 +1,8 @@
 """Fences: questions that are asked only to be sure that no late reply can come any more.
 
 A servo answers in order, and so do adapters deliver. So when the reply to a fence is here, the replies to all that was
-asked before it have come or never will.
+asked before it have come or never will. What does not keep the order is waited out: for a while after it was overtaken
+a reply is still feared, and a question to which it could be the answer is not asked.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,13 +21,32 @@ def fenced(
     fences: Sequence[Exchange[Any]],
     log: ReplyLog,
     ask: Callable[[Exchange[Any]], Waits[Any]],
+    listen: Callable[[float, Callable[[], bool]], Waits[None]],
     now: Callable[[], float],
 ) -> Waits[BusError | None]:
     """Make sure that no late reply can be taken for this one. Gives why that could not be; None if it is sure.
 
     fences  questions to the servo that could serve; the first is one that every servo answers. None for a broadcast
     ask     asks one of them, and gives its result or the BusError that came of it
+    listen  takes note of what comes until a time, s, or until something is so
     """
+    error = yield from _in_order(exchange, reply, fences, log, ask, now)
+    late = log.late_replies
+    if error is None and (overtaken := late.overtaken(exchange, reply)):
+        yield from listen(late.feared_until(overtaken), lambda: not late.overtaken(exchange, reply))
+        late.expire(now())
+    return error
+
+
+def _in_order(
+    exchange: Exchange[Any],
+    reply: ReplyPattern,
+    fences: Sequence[Exchange[Any]],
+    log: ReplyLog,
+    ask: Callable[[Exchange[Any]], Waits[Any]],
+    now: Callable[[], float],
+) -> Waits[BusError | None]:
+    """Make sure of it as far as all keep the order."""
     late, latency = log.late_replies, log.latency
     id = exchange.id if reply.id is None else reply.id
     confusable = late.confusable(exchange, reply)

@@ -3,6 +3,9 @@
 A reply that comes late is dangerous if a question of the same kind is under way by then: an old value would be taken
 for the new one. An adapter or a computer that stalled delivers all at once, but in order. So when a servo answers a
 question, the replies to all that it was asked before have come by then, or never will.
+
+That is so of adapters; a network or a servo could let the answer to a later question go first. Nothing in a packet
+tells that. So a reply that has been overtaken is still feared for a while, its horizon.
 """
 
 from collections.abc import Sequence
@@ -14,6 +17,10 @@ from servobus.core.values import frozen, replace
 
 SLOWEST = 2.0
 """s; assumption: no servo answers later than this, whatever it does. Adapters may, but in order."""
+
+OVERTAKEN = 0.1
+"""s after it was given up for which a reply is feared that another one has overtaken; assumption, until a later one is
+seen to come."""
 
 Sender: TypeAlias = tuple[Framing, int | None]
 """Servo that a reply comes from: two families may share a line, and the same id is then two servos."""
@@ -31,6 +38,10 @@ class MissedReply:
     """Time at which it was last given up."""
     times: int = 1
     """How often it was asked for in vain."""
+    broken: bool = False
+    """Whether something was heard that must have been it."""
+    overtaken: bool = False
+    """Whether the servo has answered a later question since."""
 
 
 class LateReplies:
@@ -43,6 +54,10 @@ class LateReplies:
         self._missed: dict[Sender, list[MissedReply]] = {}
         self._until = 0.0
         """Time after which no servo can be so late; only an adapter, and that keeps the order."""
+        self.horizon = OVERTAKEN
+        """s after it was given up for which a reply is feared that was overtaken."""
+        self._written_off: dict[Sender, float] = {}
+        """When the last reply of a servo was given up that is not feared any more."""
 
     def __bool__(self) -> bool:
         return bool(self._missed)
@@ -51,39 +66,47 @@ class LateReplies:
         """Make another that knows the same."""
         other = LateReplies()
         other._missed, other._until = {sender: list(missed) for sender, missed in self._missed.items()}, self._until
+        other.horizon, other._written_off = self.horizon, dict(self._written_off)
         return other
 
-    def add(self, exchange: Exchange[Any], reply: ReplyPattern, due: float, now: float) -> None:
+    def add(
+        self, exchange: Exchange[Any], reply: ReplyPattern, due: float, now: float, *, broken: bool = False
+    ) -> None:
         """Remember a reply that did not come: when it was due, and that it was given up now."""
         missed = self._missed.setdefault((exchange.framing, reply.id), [])
         for n, old in enumerate(missed):
             if old.reply == reply and old.request == exchange.request:
-                missed[n] = replace(old, given_up=now, times=old.times + 1)
+                missed[n] = replace(
+                    old, given_up=now, times=old.times + 1, broken=broken and old.broken, overtaken=False
+                )
                 break
         else:
-            missed.append(MissedReply(reply, exchange.request, due, now))
+            missed.append(MissedReply(reply, exchange.request, due, now, broken=broken))
         self._until = now + SLOWEST
 
     # What could be mistaken
 
     def confusable(self, exchange: Exchange[Any], reply: ReplyPattern) -> list[MissedReply]:
-        """Give the late replies that could be taken for this reply to a question.
+        """Give the late replies, not overtaken yet, that could be taken for this reply to a question.
 
         A question that only asks whether a servo is there may be answered by an older answer to the same question: it
         says the same.
         """
-        if not self._missed:
-            return []
-        same = exchange.request if exchange.interpret is ack_only else None
-        return [
-            old for old in self._of(exchange.framing, reply.id) if reply.could_be(old.reply) and old.request != same
-        ]
+        return [old for old in self._like(exchange, reply) if not old.overtaken]
+
+    def overtaken(self, exchange: Exchange[Any], reply: ReplyPattern) -> list[MissedReply]:
+        """Give the overtaken ones that could be taken for this reply to a question."""
+        return [old for old in self._like(exchange, reply) if old.overtaken]
+
+    def feared_until(self, overtaken: Sequence[MissedReply]) -> float:
+        """Give the time from which on these are not feared any more."""
+        return max(old.given_up for old in overtaken) + self.horizon
 
     def ambiguous(self, fence: Exchange[Any], confusable: Sequence[MissedReply]) -> bool:
         """Tell whether the reply to a fence could itself be an older one, so that it would prove nothing."""
         shape = fence.reply
         return shape is None or any(
-            shape.could_be(old.reply) for old in (*confusable, *self._of(fence.framing, fence.id))
+            shape.could_be(old.reply) for old in (*confusable, *self._of(fence.framing, fence.id)) if not old.overtaken
         )
 
     def later_requests(self, sender: Sender, confusable: Sequence[MissedReply]) -> list[bytes]:
@@ -91,7 +114,7 @@ class LateReplies:
 
         Whichever reply to one of them comes, it comes after the replies that are feared.
         """
-        requests = [old.request for old in self._missed.get(sender, ())]
+        requests = [old.request for old in self._missed.get(sender, ()) if not old.overtaken]
         last = max((requests.index(old.request) for old in confusable if old.request in requests), default=-1)
         return requests[:last:-1]
 
@@ -126,7 +149,7 @@ class LateReplies:
         return None
 
     def resolve_before(self, framing: Framing, id: int, reply: ReplyPattern, now: float) -> None:
-        """Forget what cannot come any more, now that this servo has answered with this reply.
+        """Take note that this servo has answered with this reply: what was asked before is overtaken, or forgotten.
 
         If the reply may itself be the late one to an older question of its kind, what was asked after that question is
         still open.
@@ -135,13 +158,44 @@ class LateReplies:
             self._missed.clear()
         for sender in ((framing, id), (framing, None)):
             if (missed := self._missed.get(sender)) is not None:
-                first = next((n for n, old in enumerate(missed) if reply.could_be(old.reply)), len(missed))
-                self._keep(sender, missed[first:])
+                alike = (n for n, old in enumerate(missed) if not old.overtaken and reply.could_be(old.reply))
+                first = next(alike, len(missed))
+                passed = [replace(old, overtaken=True) for old in missed[:first] if not old.broken]
+                self._keep(sender, [*passed, *missed[first:]])
+        self.expire(now)
+
+    def expire(self, now: float) -> None:
+        """Forget those that were overtaken so long ago that they are not feared any more."""
+        for sender, missed in list(self._missed.items()):
+            if any(old.overtaken for old in missed):
+                old = [one for one in missed if one.overtaken and now >= one.given_up + self.horizon]
+                if old:
+                    self._written_off[sender] = old[-1].given_up
+                    self._keep(sender, [one for one in missed if one not in old])
+
+    def note_overtaken(self, framing: Framing, id: int, given_up: float | None, now: float) -> None:
+        """Learn from a reply of this servo that others had overtaken, perhaps one that was not feared any more."""
+        if given_up is None:
+            given_up = self._written_off.get((framing, id), -SLOWEST)
+        if now - given_up <= SLOWEST:
+            self.horizon = max(self.horizon, min(1.5 * (now - given_up), SLOWEST))
 
     def forget(self, framing: Framing, id: int) -> None:
         """Expect no late reply of this servo any more."""
         for sender in ((framing, id), (framing, None)):
             self._missed.pop(sender, None)
+
+    def framings(self) -> set[Framing]:
+        """Give the kinds of framing of which a reply may come late."""
+        return {framing for framing, _ in self._missed}
+
+    def _like(self, exchange: Exchange[Any], reply: ReplyPattern) -> list[MissedReply]:
+        if not self._missed:
+            return []
+        same = exchange.request if exchange.interpret is ack_only else None
+        return [
+            old for old in self._of(exchange.framing, reply.id) if reply.could_be(old.reply) and old.request != same
+        ]
 
     def _of(self, framing: Framing, id: int | None) -> list[MissedReply]:
         anybody = self._missed.get((framing, None), [])

@@ -11,7 +11,8 @@ reads takes a late reply for the next one, and gives a wrong value without any e
 - After any trouble nothing is sent until the line is quiet: a request that meets leftovers is lost or misread.
 - A reply that did not come may come late. Adapters and computers that stall deliver all at once, but in order. So
   before a question to which a late reply could be taken for the answer, another one is asked whose answer cannot be
-  mistaken (a fence). When that is answered, everything before it has come or never will.
+  mistaken (a fence). When that is answered, everything before it has come or never will, but for what does not keep the
+  order: that is waited out.
 - A copy of what was sent is an echo, or a broken one, never a reply.
 - A second reply to one question is reported: two servos have one id.
 
@@ -45,7 +46,7 @@ from enum import Enum
 from time import monotonic
 from typing import Any, Final, TypeVar
 
-from servobus.core.exchange import Batch, Exchange, Job, Now, Pause, ReplyPattern, SetBaud, Settle, Step
+from servobus.core.exchange import Batch, Exchange, Job, LateAnswers, Now, Pause, ReplyPattern, SetBaud, Settle, Step
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.replies import ReplyCollector
@@ -62,6 +63,8 @@ from servobus.transports.base import Transport
 
 T = TypeVar("T")
 
+GAP = 0.005
+"""s of silence after which what was heard is over."""
 NOT_FAST: Final = object()
 """What `try_fast_receive` gives where a longer look is needed."""
 
@@ -173,6 +176,10 @@ class Link:
             return (yield from self._asking.batch(step))
         if isinstance(step, Now):
             return self.transport.now()
+        if isinstance(step, LateAnswers):
+            wait = 0.0 if self.latency.answers else step.wait
+            yield from self._listen_late(self.transport.now() + wait)
+            return self.log.take_late()
         if isinstance(step, Settle):
             yield from self._until(self._clock.clear_at)
             yield from self._end_foreign(step.framing, "the end of the requests to other families")
@@ -326,7 +333,13 @@ class Link:
             outcomes, unsure = self._judge(collector, older, left)
             return outcomes
         finally:
-            self.log.note_missed(collector.missing)  # they may still come, even if the wait for them was closed
+            # They may still come, even if the wait for them was closed.
+            broken = len(exchanges) == 1 and collector.noisy and not collector.strangers
+            for n in collector.missing:
+                exchange, reply = collector.expected[n]
+                owner = collector.owners[n]
+                due = left[owner] if owner < len(left) else self._clock.clear_at
+                self.log.note_missed(exchange, reply, due, broken=broken)
             if collector.packets and collector.packets[-1] is not None:
                 self._clock.note_answered()
             elif not collector.done:
@@ -431,6 +444,10 @@ class Link:
         if not collector.done:
             self._sort_arrivals(collector, collector.end(), left)
         exchanges = collector.exchanges
+        if collector.noisy:
+            rest = self.log.without_late(bytes(collector.heard), exchanges[0].framing)
+            if len(rest) < len(collector.heard):
+                collector.replace_heard(rest)
         if self._is_new_echo(collector):
             collector.reject(0)  # the reply is still to come
             self.echo = None
@@ -511,7 +528,7 @@ class Link:
             self.state = UNSURE
         if self.state is not UNSURE:
             return
-        gap = min(self.latency.reply_margin, 0.005)
+        gap = min(self.latency.reply_margin, GAP)
         abandon = self.transport.now() + 0.25
         heard = bytearray()
         while chunk := (yield Receive(gap)):
@@ -529,7 +546,31 @@ class Link:
         def ask(fence: Exchange[Any]) -> Waits[Any]:
             return self._asking.once(fence, fence=True)
 
-        return (yield from fenced(exchange, reply, fences, self.log, ask, self.transport.now))
+        def listen(until: float, over: Callable[[], bool]) -> Waits[None]:
+            return self._listen(until, over, exchange.framing)
+
+        return (yield from fenced(exchange, reply, fences, self.log, ask, listen, self.transport.now))
+
+    def _listen_late(self, until: float) -> Waits[None]:
+        """Take note of replies that come late, until this time or until none may come any more."""
+        late = self.log.late_replies
+        for framing in list(late.framings())[:1]:
+            yield from self._listen(until, lambda: not late, framing)
+
+    def _listen(self, until: float, over: Callable[[], bool], framing: Framing) -> Waits[None]:
+        """Take note of what comes although nothing is asked, until this time or until it is over."""
+        heard = bytearray()
+        while True:
+            seconds = max(until - self.transport.now(), 0.0)
+            chunk = yield Receive(min(seconds, GAP) if heard else seconds)
+            heard += chunk
+            if not chunk and heard:
+                self.log.note_leftover(bytes(heard), framing)
+                heard.clear()
+            if not seconds or (not heard and over()):
+                break
+        if heard:
+            self.log.note_leftover(bytes(heard), framing)
 
     def _settle(self, *, unsure: bool = False) -> None:
         """Leave WAITING."""

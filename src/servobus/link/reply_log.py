@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, GroupExchange, ReplyPattern
+from servobus.core.exchange import Exchange, GroupExchange, Lateness, ReplyPattern
 from servobus.core.framing import Framing, Noise, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.replies import duplicate
@@ -37,6 +37,8 @@ class ReplyLog:
         """Second replies that came after their question was done; reported when the servo is asked next."""
         self.answered: Exchange[Any] | None = None
         """The last question that was answered."""
+        self.came_late: set[tuple[Framing, int]] = set()
+        """Servos that have answered after they had been given up."""
         self._asked_all: dict[Framing, float] = {}
         """Until when answers may come to a question to all servos, for which none is waited."""
         self.heard, self.alarmed = heard, alarmed
@@ -45,6 +47,7 @@ class ReplyLog:
     def follow(self, other: "ReplyLog") -> None:
         """Go on with what another link on the same line has learned and may still get."""
         self.latency, self.late_replies = other.latency, other.late_replies.copy()
+        self.came_late = set(other.came_late)
 
     @property
     def uneasy(self) -> bool:
@@ -55,7 +58,10 @@ class ReplyLog:
         """Tell whether a late reply could be taken for the answer to this, or a second one is to be reported."""
         return self.uneasy and (
             (exchange.framing, exchange.id) in self.second_replies
-            or any(self.late_replies.confusable(exchange, reply) for reply in exchange.replies)
+            or any(
+                self.late_replies.confusable(exchange, reply) or self.late_replies.overtaken(exchange, reply)
+                for reply in exchange.replies
+            )
         )
 
     def counts(self, exchange: Exchange[Any], id: int) -> Counts:
@@ -88,35 +94,64 @@ class ReplyLog:
             counts.strangers += 1
         else:
             counts.late += 1
-            self.latency.note(self._transport.now() - old.due)
+            now = self._transport.now()
+            late = now - old.due
+            counts.worst = max(counts.worst, late)
+            self.latency.note(late)
+            self.came_late.add((framing, packet.id))
+            if old.overtaken:
+                self.late_replies.note_overtaken(framing, packet.id, old.given_up, now)
 
     def note_leftover(self, leftover: bytes, framing: Framing) -> None:
-        """Look through bytes that came when nothing was asked; `framing` is what is about to be asked."""
+        """Look through bytes that came when nothing was asked; `framing` is what was or is about to be asked."""
         last = self.answered
         if last is not None:
             framing = last.framing
+        leftover = self.without_late(leftover, framing)
         for event in framing.decode(leftover):
             if isinstance(event, Packet):
                 asked = self._transport.now() < self._asked_all.get(framing, 0.0)
                 known = asked or self.late_replies.expects(framing, event)
                 if last is not None and not known and any(reply.fits(event) for reply in last.replies):
                     self.counts(last, event.id).doubled += 1
+                    self.late_replies.note_overtaken(framing, event.id, None, self._transport.now())
                     self.second_replies[framing, event.id] = duplicate(last, event.id, leftover)
                 else:
                     self.note_stray(framing, event)
             elif isinstance(event, Noise):
                 self.stats.servo(framing.name, BROADCAST, self._transport.baud).junk += len(event.raw)
 
+    def without_late(self, heard: bytes, own: Framing) -> bytes:
+        """Take note of the late replies of other families in what was heard, and give the rest of it."""
+        for framing in self.late_replies.framings() - {own}:
+            rest, done = bytearray(), 0
+            for event in framing.decode(heard):
+                if isinstance(event, Packet) and self.late_replies.expects(framing, event):
+                    self.note_stray(framing, event)
+                    rest += heard[done : event.end - framing.overhead - len(event.data)]
+                    done = event.end
+            heard = bytes(rest) + heard[done:]
+        return heard
+
+    def take_late(self) -> Lateness:
+        """Tell how late answers come, and of which servos they came too late since the last call."""
+        came, self.came_late = self.came_late, set()
+        return Lateness(self.latency.usual_delay, frozenset(came))
+
     # What did not come
 
-    def note_missed(self, missing: Sequence[tuple[Exchange[Any], ReplyPattern]]) -> None:
-        """Remember replies that did not come, and may come late."""
-        for exchange, reply in missing:
-            self.late_replies.add(exchange, reply, self._clock.clear_at, self._transport.now())
+    def note_missed(self, exchange: Exchange[Any], reply: ReplyPattern, due: float, *, broken: bool = False) -> None:
+        """Remember a reply that did not come, and may come late; its request had left when it was due.
+
+        `broken` says that something was heard that must have been it.
+        """
+        self.late_replies.add(exchange, reply, due, self._transport.now(), broken=broken)
 
     def note_under_way(self, exchanges: Sequence[Exchange[Any]]) -> None:
         """Remember all replies to questions that were dropped without a word."""
-        self.note_missed([(exchange, reply) for exchange in exchanges for reply in exchange.replies])
+        for exchange in exchanges:
+            for reply in exchange.replies:
+                self.note_missed(exchange, reply, self._clock.clear_at)
 
     def note_outcomes(self, exchanges: Sequence[Exchange[Any]], outcomes: Sequence[Any]) -> bool:
         """Count what went wrong, and tell whether any of it was more than silence or a refusal."""

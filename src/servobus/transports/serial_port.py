@@ -32,8 +32,8 @@ else:
 
 LATENCY = 0.025
 """s; assumption: the usual USB adapter holds bytes back for up to 16 ms; the rest is the system's."""
-NETWORK_LATENCY = 0.1
-"""s; assumption: what a local network and the device at its other end may need."""
+NETWORK_LATENCY = 0.25
+"""s; assumption: what a network, a wireless or a distant one too, and the device at its other end may need."""
 UARTS = {"ch341", "cp210x", "ftdi_sio", "pl2303", "serial", "serial8250", "uart-pl011"}
 """Drivers of chips whose bytes surely take their time. Boards that speak USB themselves (cdc_acm) need not."""
 STUCK = 1.0
@@ -319,7 +319,11 @@ def _explain(name: str, error: Exception) -> str:
         return _in_use(name, usb_adapter.holders(name))
     if "Inappropriate ioctl" in text:
         return f"{name} is no serial port; `servobus ports` lists what is plugged in"
-    return f"{name}: cannot be opened ({text})"
+    if number == errno.EISDIR:
+        return f"{name} is a folder, and no serial port; `servobus ports` lists what is plugged in"
+    # pyserial says the name again, and the reason twice.
+    reason = re.sub(r"^(\[Errno \d+\] )?(could not open port [^ ]+: )?(\[Errno \d+\] )?", "", text, flags=re.IGNORECASE)
+    return f"{name}: cannot be opened ({reason})"
 
 
 def _not_permitted(name: str) -> str:

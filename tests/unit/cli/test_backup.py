@@ -131,7 +131,7 @@ def test_reset_keeps_what_can_be_kept(run: Run, load: Callable[..., Any], refuse
     )
     assert load("read", port, 5, "dead_zone")["dead_zone"]["value"] == 0
     assert Backup.parse(Path("b.toml").read_text()).values["dead_zone"] == 3
-    assert "only id, baud, calibration" in refused("reset", port, 5, "--keep", "colour", "--yes")
+    assert "only id, baud, calibration" in refused("reset", port, 5, "--keep", "colour", "--yes", code=2)
 
 
 def test_what_cannot_be_reset_leaves_no_file(refused: Callable[..., str]) -> None:

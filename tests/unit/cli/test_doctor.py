@@ -68,12 +68,12 @@ def test_a_port_that_is_not_there(run: Run) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "why"),
+    ("arguments", "why", "code"),
     [
-        (("virtual:nope@1",), "nope"),
-        ((RX, "--reads", "-1"), "--reads -1 is not in 0 .. 1000000"),
-        ((" ",), "PORT is empty"),
+        (("virtual:nope@1",), "nope", 1),
+        ((RX, "--reads", "-1"), "--reads -1 is not in 0 .. 1000000", 2),
+        ((" ",), "PORT is empty", 2),
     ],
 )
-def test_what_makes_no_sense(refused: Callable[..., str], arguments: tuple[str, ...], why: str) -> None:
-    assert why in refused("doctor", *arguments)
+def test_what_makes_no_sense(refused: Callable[..., str], arguments: tuple[str, ...], why: str, code: int) -> None:
+    assert why in refused("doctor", *arguments, code=code)

@@ -98,7 +98,7 @@ def test_M2_move(load: Callable[..., Any], refused: Callable[..., str]) -> None:
     moved = load("move", ARM, "1-2=100", "10=90")
     assert [(one["id"], one["goal"]) for one in moved] == [(1, 100), (2, 100), (10, 90)]
     assert [one["id"] for one in load("move", ARM, "all=30")] == EVERY
-    assert "id 2 is named twice" in refused("move", ARM, "1-3=100", "2=90")
+    assert "id 2 is named twice" in refused("move", ARM, "1-3=100", "2=90", code=2)
     assert "either ids or `all`" in refused("move", ARM, "all=30", "1=40", code=2)
 
 

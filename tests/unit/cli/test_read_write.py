@@ -123,7 +123,7 @@ def test_a_wrong_setting_is_refused_and_nothing_is_written(refused: Callable[...
 
 
 def test_settings_named_twice(refused: Callable[..., str]) -> None:
-    assert "named twice" in refused("write", RX, 1, "led=on", "led=off")
+    assert "named twice" in refused("write", RX, 1, "led=on", "led=off", code=2)
     assert "named twice" in refused("write", RX, 1, "cw_angle_limit=0", "min_position=1")
 
 

@@ -393,7 +393,7 @@ def test_a_file_that_may_not_be_read(tmp_path: Path, refused: Callable[..., str]
 def test_what_makes_no_sense(refused: Callable[..., str]) -> None:
     assert "--once needs --app" in refused("sniff", "/dev/null", "--once", code=2)
     assert "one speed, not all" in refused("sniff", "/dev/null", "--baud", "all", code=2)
-    assert "PORT is empty" in refused("sniff", " ")
+    assert "the name of the port is empty" in refused("sniff", " ")
     assert "no model 'rx29'" in refused("sniff", "/dev/null", "--model", "rx29")
     clash = refused("sniff", "/dev/null", "--model", "rx28", "--family", "herkulex")
     assert "RX-28 is of the family dynamixel" in clash

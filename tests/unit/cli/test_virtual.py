@@ -91,8 +91,8 @@ def test_what_cannot_be_served(refused: Callable[..., str], tmp_path: Path) -> N
     assert "no model 'rx29'" in refused("virtual", "rx29@1")
     assert "ids" in refused("virtual", "rx28@x")
     assert "254" in refused("virtual", "rx28@254")
-    assert "write [HOST:]PORT" in refused("virtual", "rx28@1", "--tcp", "here")
-    assert "write [HOST:]PORT" in refused("virtual", "rx28@1", "--tcp", "h:70000")
+    assert "write [HOST:]PORT" in refused("virtual", "rx28@1", "--tcp", "here", code=2)
+    assert "write [HOST:]PORT" in refused("virtual", "rx28@1", "--tcp", "h:70000", code=2)
     assert "--voltage" in refused("virtual", "rx28@1", "--voltage", "much", code=2)
     assert "either --pty or --tcp" in refused("virtual", "rx28@1", "--pty", "a", "--tcp", "1", code=2)
     assert "not all" in refused("virtual", "rx28@1", "--baud", "all", code=2)
@@ -116,8 +116,8 @@ def test_demo(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_demo_length(refused: Callable[..., str]) -> None:
-    assert "--seconds 0 is not in" in refused("demo", "--seconds", "0")
-    assert "--seconds nan is not in" in refused("demo", "--seconds", "nan")
+    assert "--seconds 0 is not in" in refused("demo", "--seconds", "0", code=2)
+    assert "--seconds nan is not in" in refused("demo", "--seconds", "nan", code=2)
 
 
 def test_P3_the_adapter_is_chosen_by_an_option(load: Callable[..., Any], run: Run) -> None:

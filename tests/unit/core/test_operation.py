@@ -43,7 +43,7 @@ def test_all_classes_have_operations() -> None:
 
 
 @pytest.mark.parametrize(("kind", "name"), EVERY, ids=[f"{kind.__name__}.{name}" for kind, name in EVERY])
-def test_on_a_class_an_operation_shows_what_it_takes(kind: type, name: str) -> None:
+def test_M5_on_a_class_an_operation_shows_what_it_takes(kind: type, name: str) -> None:
     operation = getattr(kind, name)
     shown = inspect.signature(operation)
     assert [(each.name, each.kind, each.default) for each in shown.parameters.values()] == true_parameters(kind, name)
@@ -56,7 +56,7 @@ def test_on_a_class_an_operation_shows_what_it_takes(kind: type, name: str) -> N
 
 
 @pytest.mark.parametrize("thing", objects(), ids=lambda thing: type(thing).__name__)
-def test_on_an_object_it_shows_the_same_without_self(thing: Any) -> None:
+def test_M5_on_an_object_it_shows_the_same_without_self(thing: Any) -> None:
     for name in operations(type(thing)):
         for _ in range(2):  # the second time it is found on the object itself
             operation = getattr(thing, name)
@@ -68,7 +68,7 @@ def test_on_an_object_it_shows_the_same_without_self(thing: Any) -> None:
         assert "P.args" not in text
 
 
-def test_what_it_gives_is_told_for_each_kind_of_bus() -> None:
+def test_M5_what_it_gives_is_told_for_each_kind_of_bus() -> None:
     def given(operation: Any) -> Any:
         return inspect.signature(operation).return_annotation
 
@@ -85,7 +85,7 @@ def test_what_it_gives_is_told_for_each_kind_of_bus() -> None:
     assert "Generator" in str(given(Servo.look))
 
 
-def test_the_whole_help_of_a_class_names_every_operation() -> None:
+def test_M5_the_whole_help_of_a_class_names_every_operation() -> None:
     for kind in CLASSES:
         text = pydoc.plain(pydoc.render_doc(kind))
         assert all(f"{name}(self" in text for name in operations(kind))

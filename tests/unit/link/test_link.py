@@ -292,8 +292,22 @@ class TestPatience:
 
     def test_it_has_a_limit(self) -> None:
         latency = Latency(Scripted())
+        latency.note(0.001)
         latency.note(3600.0)
         assert latency.reply_margin == Latency.LONGEST
+
+    def test_T8_what_is_late_each_time_is_waited_for(self) -> None:
+        latency = Latency(Scripted())
+        for _ in range(1000):
+            latency.note(0.2)
+            assert 0.25 < latency.reply_margin <= Latency.HABIT
+        assert latency.usual_delay == 0.2
+        latency.note(0.001)
+        latency.review()
+        assert latency.reply_margin == Latency.LONGEST
+        only = Latency(Scripted())
+        only.note(3600.0)
+        assert only.reply_margin == Latency.HABIT
 
     def test_a_late_answer_teaches_it(self) -> None:
         bus, _ = linked(None, ANSWER + OK, ANSWER)
