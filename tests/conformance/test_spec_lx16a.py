@@ -17,6 +17,11 @@ KGF_CM = 9.80665e-2
 """N·m"""
 
 
+def servo(volts: float | None = None) -> Wire:
+    """Give a servo that answers at once, so that a position is as old as its packet is long."""
+    return Wire(virtual_servo(LX16A, 1, voltage=volts, options={"answer_time": "off"}))
+
+
 def tell(wire: Wire, command: Command, data: str) -> None:
     assert wire.say(FRAMING.frame(Packet(1, command, bytes.fromhex(data))), listen=0) == ""
 
@@ -24,6 +29,7 @@ def tell(wire: Wire, command: Command, data: str) -> None:
 def position(wire: Wire) -> int:
     """Ask for the position, in units of 0.24 degrees."""
     reply = wire.say(FRAMING.frame(Packet(1, Command.SERVO_POS_READ, b"")), listen=0.002)
+    assert reply, "it did not answer within 2 ms"
     return int.from_bytes(reply.bytes[5:7], "little", signed=True)
 
 
@@ -38,7 +44,7 @@ def at(wire: Wire, goal: int) -> Wire:
 
 def per_60_degrees(volts: float) -> float:
     """Time the middle of a move over the whole range, as fast as possible: s."""
-    wire = Wire(virtual_servo(LX16A, 1, voltage=volts))
+    wire = servo(volts)
     tell(wire, Command.SERVO_VIN_LIMIT_WRITE, "94 11 E0 2E")  # from 4.5 V, so that it works at 6 V
     at(wire, 0)
     tell(wire, Command.SERVO_MOVE_TIME_WRITE, "E8 03 00 00")
@@ -53,7 +59,7 @@ def per_60_degrees(volts: float) -> float:
 
 def lifts(volts: float, torque: float) -> bool:
     """Tell whether it turns on against a torque (N·m), as fast as possible to the other end of its range."""
-    wire = at(Wire(virtual_servo(LX16A, 1, voltage=volts)), 500)
+    wire = at(servo(volts), 500)
     wire.servo.shaft.load = Load(torque=-torque)
     tell(wire, Command.SERVO_MOVE_TIME_WRITE, "E8 03 00 00")
     wire.wait(0.2)
@@ -84,7 +90,7 @@ def test_60_degrees_take_200_ms_at_6_V() -> None:
 
 
 def test_a_blocked_shaft_draws_what_the_torque_needs() -> None:
-    wire = at(Wire(virtual_servo(LX16A, 1)), 500)
+    wire = at(servo(), 500)
     wire.servo.shaft.load = Load(blocked=1.0)
     tell(wire, Command.SERVO_MOVE_TIME_WRITE, "E8 03 00 00")
     wire.wait(0.1)
