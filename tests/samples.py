@@ -206,6 +206,10 @@ class HerkulexSample(Sample):
         check = reduce(xor, frame[2:5] + frame[7:], 0)
         return frame[5] == check & 0xFE and frame[6] == ~check & 0xFE
 
+    def _position(self, value: bytes) -> int:
+        """Leave out the flag above the 15 bits that the maker's PC tool takes as the position."""
+        return super()._position(value) & 0x7FFF
+
     def position_answer(self, id: int, raw: int) -> bytes:
         """RAM_READ of two bytes at 58 (6-4), status 0 and 1."""
         body, value = bytes([13, id, 0x44]), bytes([58, 2, raw & 0xFF, raw >> 8, 0, 1])
