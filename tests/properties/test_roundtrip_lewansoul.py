@@ -43,8 +43,7 @@ class Bench:
         self.virtual = self.port.servos[0]
         # Before the first move its registers follow the shaft (L-20).
         for position, time in MOVES:
-            self.servo.write_raw({position: 500, time: 0})
-        self.port.sleep(0.002)  # until the last byte has arrived
+            self.write({position: 500, time: 0})
 
     def write(self, values: Mapping[Register[Any], int]) -> None:
         """Write as a host does; the write is not answered and takes its time."""
