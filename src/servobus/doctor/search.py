@@ -181,8 +181,7 @@ def _factory_bauds(family: Family, found: list[FoundServo]) -> tuple[int, ...]:
 
 
 def _unclear_answers(port: str, result: SearchResult, taken: set[int]) -> Iterator[Finding]:
-    """Report answers that made no sense. Two servos with one id answer at once, and garble each other, or
-    one after the other."""
+    """Report answers that made no sense. Two servos with one id garble each other, or answer one after the other."""
     garbled = {one.id for one in result.troubles if isinstance(one.error, Garbled)}
     noise = is_noise(len(garbled), len(result.ids))
     for one in result.troubles[:SHOWN]:

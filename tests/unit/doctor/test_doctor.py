@@ -228,7 +228,7 @@ class TestServos:
         port = Thinking("virtual:lx16a@1-2?clock=virtual", build_rig(parse_url("virtual:lx16a@1-2")), real=False)
         port.inject("twin")
         monkeypatch.setattr(connect, "open", lambda _: Bus(port))
-        (finding,) = [one for one in wrong(examine("virtual:", SearchPlan(FACTORY, ids=[1, 2], reads=0)))]
+        (finding,) = wrong(examine("virtual:", SearchPlan(FACTORY, ids=[1, 2], reads=0)))
         assert "two answers came" in finding.what
         assert finding.cause.startswith("two servos with id 2?")
         assert finding.mend == (f"servobus set-id '{port.name}' 2 3",)
