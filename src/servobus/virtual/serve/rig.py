@@ -20,12 +20,23 @@ from servobus.virtual.wire.line import VirtualLine
 class Rig:
     """Several lines with one client. Time is told from outside, as with a single line."""
 
-    def __init__(self, lines: Sequence[VirtualLine]) -> None:
+    def __init__(self, lines: Sequence[VirtualLine], state: StateFile | None = None) -> None:
         if not lines:
             raise UsageError("a rig needs at least one line")
         self.lines = list(lines)
+        self.state = state
         self.faults = NO_FAULTS
         self._tasks: deque[Callable[[float], None]] = deque()
+
+    def open(self) -> None:
+        """Have the state file, if there is one, for this rig alone; it has been from the start. Raises UsageError."""
+        if self.state:
+            self.state.open()
+
+    def close(self) -> None:
+        """Let others have the state file."""
+        if self.state:
+            self.state.close()
 
     @property
     def servos(self) -> list[VirtualServo]:
@@ -134,8 +145,17 @@ def build_rig(setup: Setup) -> Rig:
             )
             for id in group.ids
         ]
-    if setup.state is not None:
-        StateFile(setup.state, servos)
+    state = None if setup.state is None else StateFile(setup.state, servos)
+    try:
+        return _wired(setup, servos, state)
+    except BaseException:
+        if state:
+            state.close()
+        raise
+
+
+def _wired(setup: Setup, servos: Sequence[VirtualServo], state: StateFile | None) -> Rig:
+    """Put servos on the wires of a rig."""
     families: dict[str, list[VirtualServo]] = {}
     for servo in servos:
         servo.shaft.load = setup.load
@@ -146,7 +166,8 @@ def build_rig(setup: Setup) -> Rig:
         [
             VirtualLine(line, echo=setup.echo, supply=_supply(setup, line), adapter=setup.adapter)
             for line in families.values()
-        ]
+        ],
+        state,
     )
     rig.inject(setup.faults, 0.0)
     return rig
