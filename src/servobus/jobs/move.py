@@ -360,15 +360,15 @@ def _stay(target: KnownServo) -> Procedure[str]:
     motion_status = yield from family.motion_status(target)
     if motion_status.turning:
         return ""
-    if motion_status.torque:
-        outcome = yield from stop(target)
-        return f"was {outcome}" if outcome.let_go else ""
-    if motion_status.shutdown:
+    if motion_status.torque or motion_status.shutdown:
         if inside_limits(target, motion_status):
             yield from family.settle(target, motion_status)
+        else:
+            yield from stop(target)
         target.permit.stopped = True
+    if motion_status.shutdown:
         return f"has shut down ({motion_status.shutdown}); rearm() or `servobus rearm PORT {target.id}` brings it back"
-    return "has no torque any more"
+    return "" if motion_status.torque else "has no torque any more"
 
 
 def _told(error: ServobusError, more: str) -> ServobusError:
