@@ -66,8 +66,9 @@ class Port(ABC):
             if data := self._wait(PULSE if look is None else min(max(look - now, 0), PULSE)):
                 self.rig.client_baud = self._baud()
                 self.rig.send(data, time.monotonic() - started)
-            elif look is None and now - kept_up >= PULSE:
-                self._keep_up(kept_up := time.monotonic() - started)
+            elif look is None and (now := time.monotonic() - started) - kept_up >= PULSE:
+                self._keep_up(now)
+                kept_up = now
 
     def _appear(self) -> None:
         with ExitStack() as stack:
