@@ -1,5 +1,6 @@
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import pytest
 import servobus
 from servobus import RX28
 from unit.cli.conftest import Run
+from unit.served import wait_for
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="pseudo terminals and signals as on POSIX")
 
@@ -143,3 +145,19 @@ def test_M13_a_port_for_other_programs_has_no_virtual_clock(refused: Callable[..
     assert "is an option here" in refused("virtual", "rx28@1?voltage=11", code=2)
     assert "of the whole port: ?clock=... behind a port's name" in refused("virtual", "rx28@1,clock=virtual", code=1)
     assert "?supply_resistance=" in refused("info", "virtual:rx28@1,supply_resistance=1", 1)
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&-", "<&- >&- 2>&-"])
+def test_polish_closed_streams_are_no_reason_to_fail(closed: str, tmp_path: Path) -> None:
+    link = tmp_path / "servos"
+    command = f"exec {shlex.quote(sys.executable)} -m servobus virtual rx28@1 --pty {link} {closed}"
+    with subprocess.Popen(["sh", "-c", command], stdin=subprocess.DEVNULL, stderr=subprocess.PIPE) as server:
+        try:
+            wait_for(link.is_symlink)
+            with servobus.open(str(link)) as bus:
+                assert bus.find(1).id == 1
+            assert server.poll() is None
+        finally:
+            server.send_signal(signal.SIGINT)
+            said = server.communicate(timeout=30)[1]
+    assert b"Traceback" not in said

@@ -54,6 +54,7 @@ class Port(ABC):
     def serve(self, stop: threading.Event) -> None:
         """Carry bytes until `stop` is set. The rig's time 0 is now."""
         started = time.monotonic()
+        kept_up = 0.0
         while not stop.is_set():
             now = time.monotonic() - started
             if self.rig.gone(now):
@@ -65,8 +66,9 @@ class Port(ABC):
             if data := self._wait(PULSE if look is None else min(max(look - now, 0), PULSE)):
                 self.rig.client_baud = self._baud()
                 self.rig.send(data, time.monotonic() - started)
-            elif look is None:
-                self._keep_up(time.monotonic() - started)
+            elif look is None and (now := time.monotonic() - started) - kept_up >= PULSE:
+                self._keep_up(now)
+                kept_up = now
 
     def _appear(self) -> None:
         with ExitStack() as stack:
