@@ -385,3 +385,17 @@ class TestNoise:
     def test_T10_a_servo_for_another_supply_is_judged_by_its_own_limits(self) -> None:
         # A high-voltage servo of the LX series at three cells; the protocol takes limits up to 12 V (point 12).
         assert told(visit("lx16a@1?clock=virtual&voltage=11.1"))["voltage"].level is Severity.OK
+
+
+def test_N13_families_are_asked_in_the_order_of_a_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At one speed those come first whose requests are spoiled by those to others: the slowest speed first."""
+    asked: list[tuple[int, bool]] = []
+    write = VirtualPort.write
+
+    def noted(self: VirtualPort, data: bytes) -> None:
+        asked.append((self.baud, data.startswith(b"\xff\xff\x07")))  # a STAT, DRS-0602 manual 6-7
+        write(self, data)
+
+    monkeypatch.setattr(VirtualPort, "write", noted)
+    visit("rx28@9", plan=SearchPlan([(one, (115_200, 57_600)) for one in FAMILIES.values()], ids=range(2), reads=1))
+    assert list(dict.fromkeys(asked)) == [(57_600, True), (57_600, False), (115_200, True), (115_200, False)]
