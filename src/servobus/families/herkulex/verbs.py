@@ -7,7 +7,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack_only
+from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack_only, told
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Location, Register
@@ -246,6 +246,22 @@ class Herkulex(Family):
             value = 0 if motion_status.turning else nearest(target, motion_status)
             yield from _jog(target, Jog(target.id, value, mode, stop=True))
 
+    def _drive(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """Send JOGs with the stop flag right behind, before the shaft can get far.
+
+        That torque which comes on takes the present position as its goal is an assumption (H-51, EH-43). Nothing
+        answers a JOG, so there are several: one at least should arrive.
+        """
+        if motion_status.torque:  # it may be on its way
+            yield from super()._drive(target, motion_status)
+            return
+        (led,) = yield from self.read(target, [target.model.register("led_control")])
+        yield from super()._drive(target, motion_status)
+        mode = ControlMode.INFINITE_TURN if motion_status.turning else ControlMode.POSITION
+        value = 0 if motion_status.turning else nearest(target, motion_status)
+        for _ in range(TRIES):
+            yield from told(_jog(target, Jog(target.id, value, mode, Led(led), stop=True)))
+
     def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("pwm", "max_pwm")]
         pwm, limit = yield from self.read(target, rows)
@@ -253,7 +269,12 @@ class Herkulex(Family):
 
     def brake(self, target: KnownServo) -> Procedure[None]:
         """Torque Control 0x40 (5-2 RAM 52)."""
-        yield from self._set(target, {target.model.register("torque_control"): TorqueControl.BRAKE})
+        row = target.model.register("torque_control")
+        for _ in range(TRIES):
+            yield from self._set(target, {row: TorqueControl.BRAKE})
+            if target.answers is Answers.NOTHING or (yield from self.read(target, [row])) == [TorqueControl.BRAKE]:
+                return
+        raise BusError(f"{target} did not brake")
 
     def read_alarms(self, target: ServoRef) -> Procedure[int]:
         """STAT: Status Error, in which every alarm stays until it is cleared (6-3 Example 2)."""

@@ -18,9 +18,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Self
 
-from servobus.errors import PortError
+from servobus.errors import PortError, UsageError
 from servobus.transports.pty import PseudoTerminal
 from servobus.virtual.serve.rig import Rig
+from servobus.virtual.serve.spec import REAL_CLOCK
 
 PULSE = 0.02
 """s after which a request to stop is noticed, and resting servos are looked after, at the latest."""
@@ -30,11 +31,13 @@ CHUNK = 4096
 
 
 class Port(ABC):
-    """What a client sees of a rig. `name` is what it opens."""
+    """What a client sees of a rig. `name` is what it opens. Raises UsageError for a rig on a virtual clock."""
 
     name: str
 
     def __init__(self, rig: Rig) -> None:
+        if rig.clock != "real":
+            raise UsageError(REAL_CLOCK)
         self.rig = rig
         self._stack = ExitStack()
         self._turns = itertools.cycle(rig.servos)
