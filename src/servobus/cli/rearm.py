@@ -15,7 +15,6 @@ from servobus.cli.options import (
     verb,
 )
 from servobus.cli.output import warn_alarms
-from servobus.core.units import show
 
 
 @verb(
@@ -37,8 +36,7 @@ def rearm(port: str, ids: Ids, where: Where, to_limit: bool, speed: float | None
 
     def rearm_one(servo: BusServo) -> None:
         servo.rearm(to_limit=to_limit, speed=speed)
-        state = servo.look()
-        click.echo(f"{servo.target}: torque on, holds {show(state.position, 'rad')}")
+        click.echo(f"{servo.target}: torque on, holds {servo.look().place}")
         warn_alarms(servo)
 
     with open_port(port) as bus, signals_as_interrupt():

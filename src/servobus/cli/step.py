@@ -33,6 +33,7 @@ from servobus.core.ids import check_id
 from servobus.core.units import show, shown
 from servobus.errors import BadValue, ServobusError
 from servobus.families import registry
+from servobus.families.base import require_model
 from servobus.jobs.move import SHORTEST
 
 if TYPE_CHECKING:
@@ -200,6 +201,7 @@ def _real_response(
 ) -> tuple[Response, str]:
     with open_port(port) as bus, signals_as_interrupt():
         servo = find(bus, where, id)
+        require_model(servo.target, "take a step")
         state = servo.look()
         here = state.position
         goal = _goal(here, _bounds(bus, servo)) if to is None else to

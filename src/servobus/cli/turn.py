@@ -68,6 +68,7 @@ def turn(
 
 
 def _check_limits(servo: BusServo, low: float, high: float) -> None:
+    require_model(servo.target, "get angle limits")
     for name, angle in (("min_position", low), ("max_position", high)):
         servo.model.register(name).encode(angle)
     if low >= high:

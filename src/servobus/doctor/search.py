@@ -21,7 +21,7 @@ from servobus.doctor.findings import (
 from servobus.errors import DuplicateId, Garbled
 from servobus.families import registry
 from servobus.families.base import Answers, Family
-from servobus.jobs.scan import LATE, FoundServo, Models, ScanProblem, ScanProgress
+from servobus.jobs.scan import LATE, FoundServo, Models, ScanProblem, ScanProgress, in_order
 
 Rounds = Sequence[tuple[Family, tuple[int, ...]]]
 """Families to ask, each with its speeds."""
@@ -98,14 +98,18 @@ def _scan(bus: Bus, rounds: Rounds, ids: Sequence[int], watch: Watcher, *, until
         done += 1
         watch("scanning", done, total)
 
+    speeds: dict[str, list[int]] = {}
     for family, bauds in rounds:
-        for baud in bauds:
-            result.servos += bus.scan(family=family, bauds=[baud], ids=ids, watch=tell)
-            result.found += bus.survey.found
-            result.troubles += bus.survey.troubles
-            result.late = max(result.late, bus.survey.late)
-            if result.found and until_found:
-                return result
+        speeds.setdefault(family.name, []).extend(bauds)
+    # All are asked in the order of a scan; of several guesses the likely ones come first.
+    likely = [(baud, family) for family, bauds in rounds for baud in bauds]
+    for baud, family in likely if until_found else in_order([family for family, _ in rounds], speeds):
+        result.servos += bus.scan(family=family, bauds=[baud], ids=ids, watch=tell)
+        result.found += bus.survey.found
+        result.troubles += bus.survey.troubles
+        result.late = max(result.late, bus.survey.late)
+        if result.found and until_found:
+            break
     return result
 
 

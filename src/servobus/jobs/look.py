@@ -26,6 +26,13 @@ class Snapshot:
     raw: tuple[int, int, int] | None = None
     """The raw values of the first three, where one of them has no unit."""
 
+    @property
+    def place(self) -> str:
+        """Where the shaft is, such as "150.0°"; the raw value, such as "511 (raw)", where the unit is not known."""
+        if self.raw is not None and math.isnan(self.position):
+            return f"{self.raw[0]} (raw)"
+        return show(self.position, "rad")
+
     def __str__(self) -> str:
         values = ((self.position, "rad", "position"), (self.voltage, "V", "supply"), (self.temperature, "degC", "heat"))
         raws = self.raw or (0, 0, 0)

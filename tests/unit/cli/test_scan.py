@@ -128,3 +128,12 @@ def test_M3_json_says_what_the_line_for_people_says(load: Callable[..., Any]) ->
     assert (one["torque"], one["alarms"]) == (False, ["overheating"])
     (lx,) = load("scan", "virtual:lx16a@1?clock=virtual", "--ids", 1, "--family", "lewansoul")
     assert lx["alarms"] is None  # no packet of the protocol tells them
+
+
+@pytest.mark.parametrize("baud", [115_200, 1_000_000])
+def test_N1_a_herkulex_is_found_at_a_given_speed(load: Callable[..., Any], run: Run, baud: int) -> None:
+    port = f"virtual:drs0602@219?baud={baud}&clock=virtual"
+    (found,) = load("scan", port, "--baud", baud, "--ids", 219)
+    assert (found["model"], found["id"], found["baud"]) == ("drs0602", 219, baud)
+    assert "DRS-0602 id 219" in run("info", port, 219, "--baud", baud).stdout
+    assert "DRS-0602 id 219" in run("doctor", port, "--baud", baud, "--ids", "210-219", "--reads", 10).stdout

@@ -428,6 +428,20 @@ class TestNoise:
         assert told(visit("lx16a@1?clock=virtual&voltage=11.1"))["voltage"].level is Severity.OK
 
 
+def test_N13_families_are_asked_in_the_order_of_a_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At one speed those come first whose requests are spoiled by those to others: the slowest speed first."""
+    asked: list[tuple[int, bool]] = []
+    write = VirtualPort.write
+
+    def noted(self: VirtualPort, data: bytes) -> None:
+        asked.append((self.baud, data.startswith(b"\xff\xff\x07")))  # a STAT, DRS-0602 manual 6-7
+        write(self, data)
+
+    monkeypatch.setattr(VirtualPort, "write", noted)
+    visit("rx28@9", plan=SearchPlan([(one, (115_200, 57_600)) for one in FAMILIES.values()], ids=range(2), reads=1))
+    assert list(dict.fromkeys(asked)) == [(57_600, True), (57_600, False), (115_200, True), (115_200, False)]
+
+
 def test_N15_nobody_is_to_be_ended_who_uses_what_is_no_port(tmp_path: Path) -> None:
     plain = tmp_path / "notes.txt"
     plain.write_text("nothing")
