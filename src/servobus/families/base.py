@@ -415,19 +415,22 @@ class Family(ABC):
         target.permit.mark_moving()
         if not motion_status.torque:
             yield from self.settle(target, motion_status)
-        yield from self.switch_on(target)
+        yield from self.switch_on(target, motion_status)
 
-    def switch_on(self, target: KnownServo) -> Procedure[None]:
+    def switch_on(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
         """Switch the torque on, whatever goal stands in the servo, and make sure that it is; see `torque`."""
-        enable = target.model.register("torque_enable")
         for _ in range(2):  # what is not answered may be lost
-            yield from self._set(target, {enable: self.driven})
+            yield from self.tell_on(target, motion_status)
             state = yield from self.read_torque(target)
             if state.on:
                 return
         if state.shutdown:
             raise no_torque(target, state.shutdown)
         raise BusError(f"{target}: the torque did not come on")
+
+    def tell_on(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:  # noqa: ARG002 - some need it
+        """Tell the servo to switch its torque on."""
+        yield from self._set(target, {target.model.register("torque_enable"): self.driven})
 
     def borrow(self, target: KnownServo) -> Procedure[None]:
         """Note what the speed, or time, of moves is in the servo, before a move sets its own."""

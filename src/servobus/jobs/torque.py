@@ -65,5 +65,5 @@ def _come_in(target: KnownServo, motion_status: MotionStatus, pace: float) -> Pr
         yield from start_move(move)
     else:  # goal and speed stand there before the torque comes on
         yield from start_move(move)
-        yield from family.switch_on(target)
+        yield from family.switch_on(target, motion_status)
     yield from wait_arrival(move)

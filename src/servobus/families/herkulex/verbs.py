@@ -77,7 +77,7 @@ from servobus.families.herkulex.protocol import (
     show_flags,
     stat,
 )
-from servobus.families.motion import nearest, raw_position
+from servobus.families.motion import inside_limits, nearest, raw_position
 
 _COLOURS = {
     "off": Led.OFF, "on": Led.GREEN | Led.BLUE | Led.RED, "white": Led.GREEN | Led.BLUE | Led.RED,
@@ -245,6 +245,17 @@ class Herkulex(Family):
             mode = ControlMode.INFINITE_TURN if motion_status.turning else ControlMode.POSITION
             value = 0 if motion_status.turning else nearest(target, motion_status)
             yield from _jog(target, Jog(target.id, value, mode, stop=True))
+
+    def tell_on(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """Send a JOG with the stop flag right behind, so that a goal that the servo remembers ends before it acts.
+
+        That it takes the present position as its goal by itself is an assumption (H-51, EH-43), and without torque no
+        JOG is heeded. Outside the limits no JOG holds the present position, so there the assumption alone counts. The
+        lights go out.
+        """
+        yield from super().tell_on(target, motion_status)
+        if not (motion_status.torque or motion_status.turning) and inside_limits(target, motion_status):
+            yield from _jog(target, Jog(target.id, raw_position(target, motion_status), stop=True))
 
     def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("pwm", "max_pwm")]
