@@ -61,7 +61,7 @@ def test_S2_one_a_little_outside_its_limits_is_held_at_the_nearest_allowed_angle
     outcome = servo.stop()
     row = servo.model.register("goal_position")
     # A HerkuleX has a command that holds it where it is, at whatever angle.
-    angle = servo.read("goal_position" if servo.family.name == "herkulex" else "max_position")
+    angle = before if servo.family.name == "herkulex" else servo.read("max_position")
     assert (str(outcome), outcome.let_go) == (f"held at {row.show(angle)}", False)
     assert stands(servo._bus.transport)
     assert real.torque
