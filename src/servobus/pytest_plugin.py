@@ -6,8 +6,6 @@
 Both close behind the test what they made for it. Nothing of servobus's virtual servos is imported before that.
 """
 
-import sys
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
@@ -17,11 +15,8 @@ import pytest
 
 if TYPE_CHECKING:
     from servobus.bus.blocking import Bus
-    from servobus.virtual.serve.ports import Port
+    from servobus.virtual.serve.background import ServedPort
     from servobus.virtual.wire.faults import Faults
-
-PATIENCE = 5.0
-"""s that a port may take to end."""
 
 
 @pytest.fixture
@@ -47,29 +42,24 @@ def virtual_bus() -> "Iterator[Callable[..., Bus]]":
 
 
 @pytest.fixture
-def virtual_port() -> Iterator[Callable[..., str]]:
+def virtual_port() -> "Iterator[Callable[..., ServedPort]]":
     """Serve virtual servos to other programs: `virtual_port("rx28@1-4")` gives the path of a pseudo terminal.
 
     With `tcp=True`, and on Windows always, it is a TCP port, as `socket://127.0.0.1:12345`. Other keywords are `faults`
     and the options of a virtual port. The clock is the real one.
+
+    What is given is a string, and a handle to what is behind it: `port.servo(1)` tells what is true of a servo and can
+    `block` it, `port.inject(SPEC)` changes the faults, `port.unplug(3)` and `port.plug(3)` take servos off the bus and
+    put them back.
     """
-    from servobus.virtual.serve.ports import PtyPort, TcpPort  # noqa: PLC0415
-    from servobus.virtual.serve.rig import build_rig  # noqa: PLC0415
-    from servobus.virtual.serve.spec import parse_url  # noqa: PLC0415
+    from servobus.virtual.serve.background import serve  # noqa: PLC0415
 
     with ExitStack() as stack:
 
-        def make(servos: str, *, tcp: bool = False, faults: "Faults | str | None" = None, **options: object) -> str:
-            rig = build_rig(parse_url(_url(servos, options)))
-            rig.inject(faults, 0.0)
-            port: Port = TcpPort(rig) if tcp or sys.platform == "win32" else PtyPort(rig)
-            stack.enter_context(port)
-            stop = threading.Event()
-            server = threading.Thread(target=port.serve, args=[stop], name=port.name, daemon=True)
-            server.start()
-            stack.callback(server.join, PATIENCE)
-            stack.callback(stop.set)
-            return port.name
+        def make(
+            servos: str, *, tcp: bool = False, faults: "Faults | str | None" = None, **options: object
+        ) -> "ServedPort":
+            return stack.enter_context(serve(_url(servos, options), tcp=tcp, faults=faults))
 
         yield make
 

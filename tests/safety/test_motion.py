@@ -4,12 +4,13 @@ Shafts are watched by the true angle of the virtual servo.
 """
 
 import asyncio
+import contextlib
 from typing import Any
 
 import pytest
 
 import servobus
-from samples import every_model, minds_overload, models_that, sample_of, turning
+from samples import every_model, has, minds_overload, models_that, sample_of, turning
 from servobus import (
     DRS0602,
     LX16A,
@@ -19,11 +20,13 @@ from servobus import (
     MoveTimeout,
     NoReply,
     OutsideLimits,
+    ServobusError,
     Stopped,
     TorqueOff,
     UsageError,
     deg,
 )
+from servobus.families.base import Answers
 from servobus.virtual.physics.motor import Load
 
 READINGS = pytest.mark.parametrize("goal_torque", [True, False], ids=["practice", "manual"])
@@ -84,6 +87,73 @@ def test_S1_what_holds_outside_its_limits_by_itself_is_not_refused(key: str) -> 
     row = servo.model.register("max_position")
     servo.store({row: servo.look().position - 30 * deg})
     servo.torque_on()
+    assert still(port, real)
+
+
+@pytest.mark.parametrize("verb", ["torque_on", "rearm", "write"])
+def test_S1_torque_on_moves_no_herkulex_that_kept_its_goal(verb: str) -> None:
+    servo, real, port = servo_of("drs0602")
+    real.goal_after_limp = "kept"
+    servo.led("blue")
+    real.turn_shaft(real.position + 50 * deg)
+    port.sleep(0.1)
+    if verb == "write":
+        servo.write_raw({"torque_control": servo.family.driven})
+    else:
+        getattr(servo, verb)()
+    assert still(port, real)
+    assert real.torque
+    assert real.led == "blue"  # the JOGs leave the light as it was
+    servo.start_move(real.position + 40 * deg, time=1.0)
+    servo.torque_on()  # one that has torque goes on
+    port.sleep(1.2)
+    assert real.position > 80 * deg
+
+
+@every_model
+@READINGS
+def test_S1_a_lost_request_before_torque_on_leaves_no_old_goal(key: str, goal_torque: bool) -> None:
+    for lost in range(1, 13):
+        servo, real, port = servo_of(key)
+        if hasattr(real, "goal_torque"):
+            real.goal_torque = goal_torque
+        real.goal_after_limp = "kept"
+        if has(servo.model, "answer_level"):
+            servo.write_raw({"answer_level": Answers.READS})
+        servo.torque_on()
+        servo.turn(**turning(servo.model))
+        port.sleep(0.3)
+        servo.torque_off()
+        servo.position_mode()
+        real.turn_shaft(real.position + 50 * deg)
+        port.sleep(1.0)
+        port.inject(f"deaf#{lost}")
+        for call in (servo.torque_on, servo.position_mode, servo.rearm):
+            with contextlib.suppress(ServobusError):
+                call()
+            assert still(port, real, 0.5), (lost, call)
+
+
+@every_model
+def test_N7_torque_that_is_written_off_is_off_though_the_write_was_lost(key: str) -> None:
+    servo, real, port = servo_of(key)
+    if has(servo.model, "answer_level"):
+        servo.write_raw({"answer_level": Answers.READS})
+    servo.torque_on()
+    port.inject("deaf#1")
+    servo.write_raw({"torque_enable": 0})
+    assert not real.torque
+    assert not servo.permit.driven
+
+
+def test_S2_a_brake_that_was_lost_is_told_again() -> None:
+    servo, real, port = servo_of("drs0602")
+    servo.torque_on()
+    servo.turn(speed=90 * deg)
+    port.sleep(0.3)
+    port.inject("deaf#1")
+    servo._bus.make_safe("brake")
+    port.sleep(0.5)
     assert still(port, real)
 
 

@@ -52,6 +52,7 @@ def test_it_was_closed():
 """
 
 PORTS = """
+import os
 import threading
 
 import pytest
@@ -63,11 +64,37 @@ PONG = bytes.fromhex("FF FF 01 02 00 FC")
 @pytest.mark.parametrize("tcp", [False, True])
 def test_a_port(virtual_port, tcp):
     path = virtual_port("rx28@1", tcp=tcp, faults="drop@3#2")
-    assert path.startswith("socket://" if tcp else "/dev/")
+    assert path.startswith("socket://") if tcp else os.path.realpath(path).startswith("/dev/")
     with serial.serial_for_url(path, 57600, timeout=5) as line:
         for reply in PONG, PONG[:3] + PONG[4:]:
             line.write(PING)
             assert line.read(len(reply)) == reply
+
+@pytest.mark.parametrize("tcp", [False, True])
+def test_M9_a_handle_to_what_is_behind(virtual_port, tcp):
+    port = virtual_port("rx28@1-4", tcp=tcp)
+    with serial.serial_for_url(port, 57600, timeout=5) as line:
+        line.write(PING)
+        assert line.read(6) == PONG
+        port.servo(1).temperature = 90
+        line.write(PING)
+        assert line.read(6)[4] == 4     # overheating
+        port.unplug(1)
+        line.timeout = 0.1
+        line.write(PING)
+        assert line.read(6) == b""
+        port.plug(1)
+        port.inject("mute")
+        line.write(PING)
+        assert line.read(6) == b""
+        assert port.fault_counts["mute"] == 1
+        port.inject(None)
+        line.write(PING)
+        assert len(line.read(6)) == 6
+
+def test_M13_no_virtual_clock(virtual_port):
+    with pytest.raises(ValueError, match="wait by their own clocks"):
+        virtual_port("rx28@1", clock="virtual")
 
 def test_nothing_is_left_running():
     assert threading.active_count() == 1
@@ -99,7 +126,7 @@ def run(folder: Path, tests: str, *plugin: str, path: Path | None = None) -> str
     ("tests", "count"),
     [
         pytest.param(BUSES, 5, id="buses"),
-        pytest.param(PORTS, 3, id="ports", marks=pytest.mark.skipif(os.name != "posix", reason="pseudo terminals")),
+        pytest.param(PORTS, 6, id="ports", marks=pytest.mark.skipif(os.name != "posix", reason="pseudo terminals")),
         pytest.param(LAZY, 1, id="lazy"),
     ],
 )

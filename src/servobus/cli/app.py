@@ -4,6 +4,7 @@ A verb's module is imported when the verb is used. What help says about it stand
 """
 
 import importlib
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -130,6 +131,10 @@ def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
         ctx.exit()
 
 
+NEGATIVE = re.compile(r"-\.?\d")
+"""Beginning of a word that is a negative number."""
+
+
 class Verb(click.Command):
     """A command whose help ends with examples."""
 
@@ -138,6 +143,8 @@ class Verb(click.Command):
         self.examples = examples
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        # A negative number is a value, such as a signed byte, and no option.
+        ctx.ignore_unknown_options = any(NEGATIVE.match(word) for word in args)
         try:
             return super().parse_args(ctx, args)
         except ServobusError as error:  # found before anything was opened: the command line is wrong

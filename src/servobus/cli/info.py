@@ -32,7 +32,7 @@ ROOMY = 110
 def info(port: str, ids: Ids, where: Where, json: bool) -> None:
     """Show all of the servos ID... on PORT: their makers' data, every register, their alarms.
 
-    IDS are 1, 1-4,7, several words, or `all`. --json gives a list if several are named, or `all`.
+    ID is 1, 1-4,7, several words, or `all`. --json gives a list if several are named, or `all`.
     """
     first = True
 

@@ -463,6 +463,7 @@ def unless_nobody_answers(otherwise: str) -> Iterator[None]:
         yield
     except click.Abort as abort:
         if isinstance(abort.__context__, EOFError):
+            click.echo(err=True)  # the question stands on a line of its own
             raise UsageError(f"nobody is there to answer, and nothing was changed: {otherwise}") from abort
         raise
 

@@ -18,7 +18,7 @@ from servobus.virtual.device.options import READINGS, Reading
 from servobus.virtual.physics.motor import NOTHING, Load
 from servobus.virtual.serve.ports import serve_pty, serve_tcp
 from servobus.virtual.serve.rig import Rig, build_rig
-from servobus.virtual.serve.spec import Servos, Setup, parse_load, parse_specs
+from servobus.virtual.serve.spec import REAL_CLOCK, Clock, Servos, Setup, parse_load, parse_specs
 from servobus.virtual.wire.adapter import WHOLE, Adapter
 from servobus.virtual.wire.faults import KINDS, NO_FAULTS, SETTINGS, Faults, explain
 
@@ -126,6 +126,7 @@ EXAMPLES = (
     show_default=True,
     help="Do what is known of real servos, or what their manuals say: the values of all options below.",
 )
+@click.option("--clock", type=click.Choice(("real", "virtual")), default="real", hidden=True)
 @click.option("--show", is_flag=True, help="Show every servo in a live table. Needs a terminal.")
 def virtual(
     specs: tuple[str, ...],
@@ -142,6 +143,7 @@ def virtual(
     adapter: Adapter,
     faults: Faults,
     reading: Reading,
+    clock: Clock,
     show: bool,
 ) -> None:
     """Be servos on a pseudo terminal, which any program opens like a serial port, until interrupted.
@@ -152,8 +154,8 @@ def virtual(
     What real servos do in different ways is an option, for the servos in front of it: rx28@1-4,goal_torque=off. So is
     what a register of the EEPROM holds: rx28@1,ccw_angle_limit=0xFFFF.
 
-    Lines typed meanwhile change what surrounds the servos: `load 1 torque=0.5`, `block 1`, `voltage 11`; `help`
-    lists them.
+    Lines typed meanwhile change what surrounds the servos: `load 1 torque=0.5`, `block 1`, `voltage 11`, `unplug 3`,
+    `faults drop=0.01`; `help` lists them.
     """
     if show and not sys.stderr.isatty():
         raise click.UsageError("--show needs a terminal")
@@ -161,9 +163,15 @@ def virtual(
         raise click.UsageError("say either --pty or --tcp")
     if isinstance(baud, str):
         raise click.UsageError("--baud: servos have one speed, not all")
-    servos = parse_specs(",".join(specs))
+    text = ",".join(specs)
+    if "?" in text:
+        raise click.UsageError(
+            REAL_CLOCK if "clock=virtual" in text else "what stands behind ? in a port's name is an option here"
+        )
+    servos = parse_specs(text)
     setup = Setup(
         servos,
+        clock=clock,
         echo=echo,
         baud=baud,
         voltage=voltage,

@@ -22,6 +22,7 @@ from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.physics.motor import NOTHING, Load
 from servobus.virtual.serve.rig import Rig
 from servobus.virtual.serve.spec import check_temperature, check_voltage, parse_load, parse_specs
+from servobus.virtual.wire.faults import explain
 
 HELP: Final = """\
 load SERVOS mass=0.2 length=0.1  hang an arm on a shaft; also inertia, torque, down, tilt, blocked; none takes it off
@@ -32,8 +33,24 @@ voltage V                        set the supply of all
 temperature SERVOS C             set a case, and what is around it
 options SERVOS                   show what real servos do in different ways, and what these do
 options SERVOS goal_torque=off   let them do otherwise
+unplug SERVOS                    take servos off the bus, their supply too
+plug SERVOS                      put them on it again
+faults drop=0.01                 let things go wrong on the line from now on; `faults none` mends everything, `faults`
+                                 shows how often what has happened, `faults help` explains what there is
 SERVOS is an id, ids such as 1-4,7, a model with ids such as rx28@1, or all"""
 
+TAKES: Final = {
+    "load": "servos, and what hangs on them, such as `load 1 torque=0.5`",
+    "block": "servos, such as `block 1`",
+    "release": "servos, such as `release 1`",
+    "turn": "servos and an angle in degrees, such as `turn 1 90`",
+    "voltage": "a supply in V, such as `voltage 11`",
+    "temperature": "servos and degrees Celsius, such as `temperature 1 80`",
+    "options": "servos, and what they are to do otherwise, such as `options 1 goal_torque=off`",
+    "unplug": "servos, such as `unplug 3`",
+    "plug": "servos, such as `plug 3`",
+}
+"""Command -> what stands behind it."""
 MANY = 3
 """Servos up to which they are named one by one."""
 PATIENCE = 0.2
@@ -86,6 +103,16 @@ class VirtualConsole:
                 for servo in (found := self._find(which, now)):
                     servo.temperature = heat
                 return f"{_names(found)}: {show(heat, 'degC')}"
+            case "unplug", [which]:
+                self.rig.unplug(found := self._find(which, now), now)
+                return f"{_names(found)}: off the bus"
+            case "plug", [which]:
+                self.rig.plug(found := self._find(which, now), now)
+                return f"{_names(found)}: on the bus"
+            case "faults", words:
+                return self._faults(" ".join(words), now)
+        if verb in TAKES:
+            raise UsageError(f"{verb} takes {TAKES[verb]}")
         raise UsageError("this is no command; `help` lists them")
 
     def _load(self, servos: list[VirtualServo], text: str) -> str:
@@ -94,6 +121,21 @@ class VirtualConsole:
             if load != servo.shaft.load:
                 servo.shaft.load = load
         return "\n".join(f"{_names([servo])}: {describe(load)}" for servo, load in zip(servos, loads, strict=True))
+
+    def _faults(self, text: str, now: float) -> str:
+        """Let faults happen from now on, or tell which have."""
+        match text.lower():
+            case "":
+                counts = self.rig.fault_counts
+                said = ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items()))
+                return f"faults: {said or 'none has happened'}"
+            case "help" | "?":
+                return explain()
+            case "none":
+                self.rig.inject(None, now)
+                return "faults: none from now on"
+        self.rig.inject(text, now)
+        return f"faults: {text} from now on"
 
     def _options(self, servos: list[VirtualServo], words: list[str]) -> str:
         """Set options of all these servos, or of none; show those that were set, or all."""

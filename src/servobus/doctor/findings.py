@@ -72,7 +72,7 @@ def at(family: Family, baud: int) -> str:
 
 
 def duplicate_id(port: str, what: str, servo: tuple[Family, int, int], taken: set[int]) -> Finding:
-    """Give the finding that two servos may have one id: they answer at once and garble each other.
+    """Give the finding that two servos may have one id: they answer one after the other, or garble each other.
 
     `servo` is the family, the id and the speed in question. `taken` are the ids at which something answers, however
     badly, and those that were offered before; the one that is offered here is added.

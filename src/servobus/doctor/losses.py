@@ -9,7 +9,17 @@ from typing import Any, TypeVar
 from servobus.bus.blocking import Bus, BusServo
 from servobus.core.exchange import Exchange, Procedure
 from servobus.doctor.findings import NOISE, Finding, Severity, Watcher, duplicate_id, id_list, is_noise
-from servobus.errors import BadChecksum, BusError, Garbled, NoReply, WrongReply
+from servobus.errors import (
+    BadChecksum,
+    BadReading,
+    BrokenEcho,
+    BusError,
+    DuplicateId,
+    Garbled,
+    LineBusy,
+    NoReply,
+    WrongReply,
+)
 
 T = TypeVar("T")
 
@@ -18,11 +28,19 @@ LOSSY = 0.01
 HOPELESS = 20
 """Answers lost in a row after which a servo is asked no more."""
 
+DOUBLED = 3
+"""Questions answered twice from which on two servos are said to have one id; assumption: fewer may be late answers."""
+_ANSWERED_TWICE = "answered twice"
+
 _KINDS: tuple[tuple[type[BusError], str, str], ...] = (
     (BadChecksum, "with a wrong checksum", "noise, a line without termination, or two servos with one id"),
     (Garbled, "garbled", "noise, a missing ground wire, or two servos with one id"),
     (WrongReply, "of another servo or request", "another program on the line, or answers that come too late"),
     (NoReply, "silent", "a loose plug, a servo that restarts for want of power, or an adapter slower than it says"),
+    (DuplicateId, _ANSWERED_TWICE, "two servos with one id, or answers that come late"),
+    (BrokenEcho, "with a wrong echo", "another program or a servo that talks at the same time, or a bad adapter"),
+    (LineBusy, "on a busy line", "another program on the line, or noise without end"),
+    (BadReading, "out of range", "a servo of another model than it is taken for; --model names the model"),
     (BusError, "refused", "a servo that does not know the request"),
 )
 """What was lost, in words, and what may be its cause; the first that fits."""
@@ -64,6 +82,10 @@ def losses(
     for servo in garbled:
         what = f"{servo.target}: its answers are garbled again and again"
         yield duplicate_id(bus.transport.name, what, (servo.family, servo.id, servo.baud), taken)
+    for servo, lost in counts.by_servo.items():
+        if lost[_ANSWERED_TWICE] >= DOUBLED:
+            what = f"{servo.target}: two answers come to one question again and again"
+            yield duplicate_id(bus.transport.name, what, (servo.family, servo.id, servo.baud), taken)
     yield _summary(counts)
 
 

@@ -18,7 +18,7 @@ from servobus.doctor.findings import (
     id_list,
     is_noise,
 )
-from servobus.errors import Garbled
+from servobus.errors import DuplicateId, Garbled
 from servobus.families import registry
 from servobus.families.base import Answers, Family
 from servobus.jobs.scan import LATE, FoundServo, Models, ScanProblem, ScanProgress
@@ -181,13 +181,15 @@ def _factory_bauds(family: Family, found: list[FoundServo]) -> tuple[int, ...]:
 
 
 def _unclear_answers(port: str, result: SearchResult, taken: set[int]) -> Iterator[Finding]:
-    """Report answers that made no sense. Two servos with one id answer at once, and garble each other."""
+    """Report answers that made no sense. Two servos with one id garble each other, or answer one after the other."""
     garbled = {one.id for one in result.troubles if isinstance(one.error, Garbled)}
     noise = is_noise(len(garbled), len(result.ids))
     for one in result.troubles[:SHOWN]:
         what = f"{one.family.title} id {one.id} at {one.baud}: something answers, but not clearly ({one.error})"
         others = [near.family.name for near in result.found if near.baud == one.baud and near.family is not one.family]
-        if others:
+        if isinstance(one.error, DuplicateId):
+            yield duplicate_id(port, what, (one.family, one.id, one.baud), taken)
+        elif others:
             cause = "a servo of another family that heard what was not meant for it?"
             yield Finding(Severity.WARN, "ids", what, cause, (command("doctor", port, f"--family {others[0]}"),))
         elif noise:

@@ -190,7 +190,9 @@ class Family(ABC):
         """Write what may move the servo, by the rules of moves."""
         torque = target.model.register("torque_enable")
         waking = torque in values and self.torque_on(values[torque])
-        others = {row: raw for row, raw in values.items() if not (waking and row is torque)}
+        others = {row: raw for row, raw in values.items() if row is not torque or not (waking or raw == 0)}
+        if torque in values and values[torque] == 0:
+            yield from self.let_go(target)
         if others:
             if (yield from movement(target, others)) is not None:
                 begin_motion(target)
@@ -405,9 +407,8 @@ class Family(ABC):
         Raises TorqueOff if the servo keeps its torque off, OutsideLimits if it would run to the nearest limit, BusError
         if its torque did not come on.
         """
-        enable = target.model.register("torque_enable")
         if not on:
-            yield from self._set(target, {enable: 0})
+            yield from self.let_go(target)
             return
         target.permit.ask()
         motion_status = yield from self.motion_status(target)
@@ -420,7 +421,7 @@ class Family(ABC):
     def switch_on(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
         """Switch the torque on, whatever goal stands in the servo, and make sure that it is; see `torque`."""
         for _ in range(2):  # what is not answered may be lost
-            yield from self.tell_on(target, motion_status)
+            yield from self._drive(target, motion_status)
             state = yield from self.read_torque(target)
             if state.on:
                 return
@@ -428,8 +429,8 @@ class Family(ABC):
             raise no_torque(target, state.shutdown)
         raise BusError(f"{target}: the torque did not come on")
 
-    def tell_on(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:  # noqa: ARG002 - some need it
-        """Tell the servo to switch its torque on."""
+    def _drive(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:  # noqa: ARG002 - see HerkuleX
+        """Tell a servo to switch its torque on."""
         yield from self._set(target, {target.model.register("torque_enable"): self.driven})
 
     def borrow(self, target: KnownServo) -> Procedure[None]:
@@ -447,11 +448,12 @@ class Family(ABC):
     def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
         """Make the present position the goal, and 0 the speed of endless turn, so that nothing goes on from here.
 
-        The servo stands within its limits, or holds outside of them by itself.
+        The servo stands within its limits, or holds outside of them by itself. Raises BusError if it did not take that:
+        with torque it might run to another goal.
         """
 
     def brake(self, target: KnownServo) -> Procedure[None]:
-        """Short the motor. Raises UsageError where the family cannot."""
+        """Short the motor. Raises UsageError where the family cannot, BusError if nothing shows that it did."""
         yield from ()  # a procedure without steps
         raise cannot(target, "brake", "nothing in it shorts the motor; hold or free it")
 

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Self
 
 from servobus.errors import PortError
+from servobus.transports.file_lock import open_locked
 
 if sys.platform != "win32":
     import fcntl
@@ -213,22 +214,15 @@ def _lock(lock: Path, link: Path) -> tuple[int, bool]:
     """Lock the lock file; give its handle, and whether a program that crashed had left it."""
     if sys.platform == "win32":
         raise PortError("there are no links to pseudo terminals on Windows; use --tcp")
-    while True:
-        left_behind = lock.exists()
-        handle = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            owner = os.read(handle, 20).decode(errors="replace").strip()
-            os.close(handle)
-            raise PortError(f"{link} is served by another program (process {owner or 'unknown'})") from None
-        # Its last owner may have removed the file between the two steps; then this lock means nothing.
-        with suppress(FileNotFoundError):
-            if os.fstat(handle).st_ino == lock.stat().st_ino:
-                os.ftruncate(handle, 0)
-                os.write(handle, b"%d\n" % os.getpid())
-                return handle, left_behind
-        os.close(handle)
+    left_behind = lock.exists()
+    try:
+        handle = open_locked(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW)
+    except BlockingIOError:
+        owner = lock.read_text(errors="replace").strip() if lock.exists() else ""
+        raise PortError(f"{link} is served by another program (process {owner or 'unknown'})") from None
+    os.ftruncate(handle, 0)
+    os.write(handle, b"%d\n" % os.getpid())
+    return handle, left_behind
 
 
 def _check(link: Path, left_behind: bool) -> None:

@@ -30,6 +30,12 @@ def test_the_family_is_found_out(load: Callable[..., Any]) -> None:
     assert load("decode", STAT)[0]["family"] == "herkulex"
 
 
+def test_signed_bytes_behind_the_command_are_no_options(load: Callable[..., Any], run: Run) -> None:
+    assert [packet["hex"] for packet in load("decode", "-1", "-1", "1", "2", "1", "-5")] == [PING]
+    assert [packet["hex"] for packet in load("decode", "-1,", "-1,", "1,", "2,", "1,", "-5")] == [PING]
+    assert "Did you mean '--family'" in run("decode", "--famly", "x", PING, code=2).stderr
+
+
 def test_what_a_program_gets(load: Callable[..., Any]) -> None:
     packet, noise = load("decode", PING, "00")
     read = {"read_as": "read as hexadecimal bytes, 7 of them"}

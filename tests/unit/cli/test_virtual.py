@@ -133,3 +133,13 @@ def test_P3_the_adapter_is_chosen_by_an_option(load: Callable[..., Any], run: Ru
 def test_M13_the_cases_have_a_temperature(load: Callable[..., Any]) -> None:
     with served("rx28@1", "--temperature", "60") as port:
         assert load("read", port, 1, "present_temperature")["present_temperature"]["value"] == 60
+
+
+def test_M13_a_port_for_other_programs_has_no_virtual_clock(refused: Callable[..., str]) -> None:
+    for words in (["--clock", "virtual"], ["--clock", "virtual", "--tcp", "0"]):
+        assert "wait by their own clocks" in refused("virtual", "rx28@1", *words)
+    for spec in ("rx28@1?clock=virtual", "virtual:rx28@1?clock=virtual", "rx28@1?voltage=11&clock=virtual"):
+        assert "wait by their own clocks" in refused("virtual", spec, code=2)
+    assert "is an option here" in refused("virtual", "rx28@1?voltage=11", code=2)
+    assert "of the whole port: ?clock=... behind a port's name" in refused("virtual", "rx28@1,clock=virtual", code=1)
+    assert "?supply_resistance=" in refused("info", "virtual:rx28@1,supply_resistance=1", 1)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from servobus import deg
+from servobus import RX28, deg
 from servobus.cli.virtual_console import HELP, VirtualConsole, describe, read_commands
 from servobus.virtual.physics.motor import Load
 from servobus.virtual.serve.rig import Rig, build_rig
@@ -76,8 +76,14 @@ def test_what_surrounds_them() -> None:
     ("line", "because"),
     [
         ("dance", "`help` lists them"),
-        ("block", "`help` lists them"),
-        ("voltage 1 2", "`help` lists them"),
+        ("load 1 mass=1e9", "more than 1000"),
+        ("load 1 torque=-1e9", "more than 10000"),
+        ("load 1 inertia=1e5", "more than 1000"),
+        ("load 1 length=1km", ""),
+        ("load 1 down=1e9", "more than"),
+        ("turn 1 1e9", "is not in -36000.0° .. 36000.0°"),
+        ("turn 1 -1e9", "is not in"),
+        ("turn 1 nan", ""),
         ("block 9", "there is no servo 9"),
         ("block x", "is no id"),
         ("block rx29@1", "no model"),
@@ -99,6 +105,79 @@ def test_what_makes_no_sense_is_said_and_changes_nothing(line: str, because: str
     assert said.startswith(f"{line}: ")
     assert because in said
     assert [(one.shaft.load, one.voltage, one.temperature) for one in desk.rig.servos] == before
+
+
+@pytest.mark.parametrize(
+    ("line", "takes"),
+    [
+        ("block", "block takes servos, such as `block 1`"),
+        ("block 1 2", "block takes servos"),
+        ("release", "release takes servos"),
+        ("load", "load takes servos, and what hangs on them"),
+        ("turn", "turn takes servos and an angle in degrees"),
+        ("turn 1", "turn takes servos and an angle in degrees"),
+        ("voltage", "voltage takes a supply in V, such as `voltage 11`"),
+        ("voltage 1 2", "voltage takes a supply in V"),
+        ("VOLTAGE", "voltage takes a supply in V"),
+        ("temperature 80", "temperature takes servos and degrees Celsius"),
+        ("options", "options takes servos"),
+        ("unplug", "unplug takes servos, such as `unplug 3`"),
+        ("plug", "plug takes servos"),
+    ],
+)
+def test_M9_what_is_missing_is_named(line: str, takes: str) -> None:
+    desk = Desk()
+    before = [(one.shaft.load, one.voltage, one.temperature, one.powered) for one in desk.rig.servos]
+    assert desk.type(line).startswith(f"{line}: {takes}")
+    assert [(one.shaft.load, one.voltage, one.temperature, one.powered) for one in desk.rig.servos] == before
+
+
+def ping(desk: Desk, id: int, now: float) -> bytes:
+    desk.rig.send(RX28.family.ping(id).request, now)
+    return desk.rig.receive(now + 0.1)
+
+
+def test_M9_servos_are_unplugged_and_plugged_in_again() -> None:
+    desk = Desk("rx28@1-3")
+    assert ping(desk, 3, 1.0)
+    assert desk.type("unplug 2-3") == "RX-28 id 2, RX-28 id 3: off the bus"
+    assert [one.powered for one in desk.rig.servos] == [True, False, False]
+    assert not ping(desk, 3, 2.0)
+    assert ping(desk, 1, 3.0)
+    desk.type("unplug 3")
+    assert desk.type("plug 3") == "RX-28 id 3: on the bus"
+    assert ping(desk, 3, 4.0)
+    assert not ping(desk, 2, 5.0)
+    desk.type("faults none")  # mends faults, and is no hand that plugs
+    assert not ping(desk, 2, 6.0)
+    assert "there is no servo 9" in desk.type("unplug 9")
+
+
+def test_M9_plugging_in_what_is_plugged_in_changes_nothing() -> None:
+    desk = Desk("rx28@1")
+    desk.rig.servos[0].memory[RX28.led] = 1
+    desk.type("plug 1")
+    assert desk.rig.servos[0].memory[RX28.led] == 1
+    desk.type("unplug all")
+    desk.type("plug all")
+    assert desk.rig.servos[0].memory[RX28.led] == 0
+
+
+def test_M9_faults_begin_and_end_while_servos_are_served() -> None:
+    desk = Desk("rx28@1")
+    assert desk.type("faults") == "faults: none has happened"
+    assert desk.type("faults mute") == "faults: mute from now on"
+    assert not ping(desk, 1, 1.0)
+    assert desk.type("faults") == "faults: mute 1"
+    assert desk.type("faults seed=7 drop@3#2, late=0.0") == "faults: seed=7 drop@3#2, late=0.0 from now on"
+    assert len(ping(desk, 1, 2.0)) == 6
+    assert len(ping(desk, 1, 3.0)) == 5
+    for wrong in ("faults rain", "faults mute=2"):
+        assert desk.type(wrong).startswith(f"{wrong}: ")
+        assert desk.rig.faults.faults
+    assert "KIND[@WHERE]" in desk.type("faults help")
+    assert desk.type("faults none") == "faults: none from now on"
+    assert len(ping(desk, 1, 4.0)) == 6
 
 
 def test_empty_lines_are_nothing() -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from samples import factory_bauds
-from servobus import DRS0602, FAMILIES, RX28, Bus, connect, deg
+from samples import every_model, factory_bauds
+from servobus import DRS0602, FAMILIES, MODELS, RX28, Bus, connect, deg
 from servobus.doctor import Finding, SearchPlan, Severity, examine
 from servobus.doctor.findings import duplicate_id
 from servobus.doctor.losses import count
@@ -18,6 +18,8 @@ from servobus.transports import usb_adapter as facts
 from servobus.transports.usb_adapter import Adapter
 from servobus.virtual.serve import inprocess
 from servobus.virtual.serve.inprocess import VirtualPort
+from servobus.virtual.serve.rig import build_rig
+from servobus.virtual.serve.spec import parse_url
 from unit.scripted import Scripted
 
 FACTORY = [(family, factory_bauds(family)) for family in FAMILIES.values()]
@@ -34,6 +36,14 @@ def wrong(findings: Iterator[Finding]) -> list[Finding]:
 
 def visit(spec: str, reads: int = 10, ids: range = range(4), plan: SearchPlan | None = None) -> list[Finding]:
     return list(examine(f"virtual:{spec}", plan or SearchPlan(FACTORY, ids=ids, reads=reads)))
+
+
+class Thinking(VirtualPort):
+    """Takes 5 ms before each request, as a slow program does."""
+
+    def write(self, data: bytes) -> None:
+        self.sleep(0.005)
+        super().write(data)
 
 
 class TestPort:
@@ -191,6 +201,37 @@ class TestServos:
         assert reads.level is Severity.FAIL
         # 50 of 100 are for each; after 20 that are lost in a row id 1 is asked no more.
         assert reads.what.startswith("20 of 70 lost (28.6 %): 20 with a wrong checksum; worst is RX-28 id 1 with 20")
+
+    @every_model
+    def test_two_with_one_id_that_answer_one_after_the_other(self, monkeypatch: pytest.MonkeyPatch, key: str) -> None:
+        """F8: two answers to one question, each of them whole, are two servos and no refusal. A program
+        takes a moment before it asks on; else it would talk over the second answer.
+        """
+        port = Thinking(f"virtual:{key}@1-2?clock=virtual", build_rig(parse_url(f"virtual:{key}@1-2")), real=False)
+        monkeypatch.setattr(connect, "open", lambda _: Bus(port))
+
+        def watch(stage: str, done: int, total: int) -> None:
+            if (stage, done) == ("reading", 1):
+                port.inject("twin")
+
+        findings = wrong(examine("virtual:", SearchPlan(FACTORY, ids=range(4), reads=40), watch))
+        doubled = [one for one in findings if one.check == "ids"]
+        title = MODELS[key].title
+        assert [one.what for one in doubled] == [
+            f"{title} id {id}: two answers come to one question again and again" for id in (1, 2)
+        ]
+        assert [one.mend for one in doubled] == [(f"servobus set-id '{port.name}' {id} {id + 2}",) for id in (1, 2)]
+        assert "answered twice" in told(findings)["reads"].what
+        assert "two servos with one id" in told(findings)["reads"].cause
+
+    def test_two_with_one_id_that_answer_the_search_one_after_the_other(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        port = Thinking("virtual:lx16a@1-2?clock=virtual", build_rig(parse_url("virtual:lx16a@1-2")), real=False)
+        port.inject("twin")
+        monkeypatch.setattr(connect, "open", lambda _: Bus(port))
+        (finding,) = wrong(examine("virtual:", SearchPlan(FACTORY, ids=[1, 2], reads=0)))
+        assert "two answers came" in finding.what
+        assert finding.cause.startswith("two servos with id 2?")
+        assert finding.mend == (f"servobus set-id '{port.name}' 2 3",)
 
     def test_one_that_answers_nothing(self) -> None:
         port = inprocess.connect("virtual:rx28@1?clock=virtual")

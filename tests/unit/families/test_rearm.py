@@ -121,10 +121,11 @@ def test_a_herkulex_in_infinite_turn_is_told_to_stop_before_its_torque_comes_on(
     bench.line.lose()
     bench.do(lambda servo: servo.rearm())
     sets = [(request[4], request[7:]) for request in bench.line.requests if request[4] in (3, 5)]
-    assert [code for code, _ in sets] == [3, 5, 3]
+    assert [code for code, _ in sets] == [3, 5, 3, 5, 5, 5]
     assert sets[0][1] == bytes((48, 2, 0, 0))  # both status bytes (6-3 Example 2)
     assert sets[1][1] == bytes((0, 0, 0x03, 5, 0))  # speed 0, stop flag and mode (6-6), id 5
     assert sets[2][1] == bytes((52, 1, 0x60))  # Torque Control on (4-2 NO 47)
+    assert [data for _, data in sets[3:]] == [sets[1][1]] * 3  # again, in case it kept a speed
 
 
 def test_an_lx16a_that_lost_its_torque_is_rearmed_at_its_place() -> None:

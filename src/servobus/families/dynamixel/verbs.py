@@ -215,12 +215,13 @@ class Dynamixel1(Family):
 
     def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
         """A written goal may switch the torque on by itself: here it moves nothing."""
-        if motion_status.turning:
-            yield from self._write_raw_speed(target, 0)
-        else:
-            yield from self.put(
-                target, {target.model.register("goal_position"): nearest(target, motion_status)}, keep=False
-            )
+        name, raw = ("moving_speed", 0) if motion_status.turning else ("goal_position", nearest(target, motion_status))
+        row = target.model.register(name)
+        for _ in range(TRIES):
+            yield from self.put(target, {row: raw}, keep=False)
+            if _answers(target) or (yield from self.read(target, [row])) == [raw]:
+                return
+        raise BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
 
     def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("present_load", "torque_limit")]
@@ -243,7 +244,7 @@ class Dynamixel1(Family):
         model = target.model
         rows = [model.register(name) for name in ("max_torque", "alarm_shutdown")]
         most, mask = yield from self.read(target, rows)
-        yield from self._set(target, {model.register("torque_enable"): 0})
+        yield from self.let_go(target)
         yield from self._set(target, {model.register("torque_limit"): most})
         standing = (yield from self.read_alarms(target)) & mask
         if standing:
@@ -294,7 +295,7 @@ class Dynamixel1(Family):
         yield from self._check_unlocked(target, list(wanted))
         yield from self._write_raw_speed(target, 0)
         if motion_status.torque:
-            yield from self._set(target, {model.register("torque_enable"): 0})
+            yield from self.let_go(target)
         yield from self._set(target, wanted)
         if motion_status.torque:
             yield from self.torque(target, on=True)

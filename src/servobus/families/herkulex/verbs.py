@@ -7,7 +7,7 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
-from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack_only
+from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack_only, told
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Location, Register
@@ -77,7 +77,7 @@ from servobus.families.herkulex.protocol import (
     show_flags,
     stat,
 )
-from servobus.families.motion import inside_limits, nearest, raw_position
+from servobus.families.motion import nearest, raw_position
 
 _COLOURS = {
     "off": Led.OFF, "on": Led.GREEN | Led.BLUE | Led.RED, "white": Led.GREEN | Led.BLUE | Led.RED,
@@ -246,16 +246,21 @@ class Herkulex(Family):
             value = 0 if motion_status.turning else nearest(target, motion_status)
             yield from _jog(target, Jog(target.id, value, mode, stop=True))
 
-    def tell_on(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
-        """Send a JOG with the stop flag right behind, so that a goal that the servo remembers ends before it acts.
+    def _drive(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """Send JOGs with the stop flag right behind, before the shaft can get far.
 
-        That it takes the present position as its goal by itself is an assumption (H-51, EH-43), and without torque no
-        JOG is heeded. Outside the limits no JOG holds the present position, so there the assumption alone counts. The
-        lights go out.
+        That torque which comes on takes the present position as its goal is an assumption (H-51, EH-43). Nothing
+        answers a JOG, so there are several: one at least should arrive.
         """
-        yield from super().tell_on(target, motion_status)
-        if not (motion_status.torque or motion_status.turning) and inside_limits(target, motion_status):
-            yield from _jog(target, Jog(target.id, raw_position(target, motion_status), stop=True))
+        if motion_status.torque:  # it may be on its way
+            yield from super()._drive(target, motion_status)
+            return
+        (led,) = yield from self.read(target, [target.model.register("led_control")])
+        yield from super()._drive(target, motion_status)
+        mode = ControlMode.INFINITE_TURN if motion_status.turning else ControlMode.POSITION
+        value = 0 if motion_status.turning else nearest(target, motion_status)
+        for _ in range(TRIES):
+            yield from told(_jog(target, Jog(target.id, value, mode, Led(led), stop=True)))
 
     def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("pwm", "max_pwm")]
@@ -264,7 +269,12 @@ class Herkulex(Family):
 
     def brake(self, target: KnownServo) -> Procedure[None]:
         """Torque Control 0x40 (5-2 RAM 52)."""
-        yield from self._set(target, {target.model.register("torque_control"): TorqueControl.BRAKE})
+        row = target.model.register("torque_control")
+        for _ in range(TRIES):
+            yield from self._set(target, {row: TorqueControl.BRAKE})
+            if target.answers is Answers.NOTHING or (yield from self.read(target, [row])) == [TorqueControl.BRAKE]:
+                return
+        raise BusError(f"{target} did not brake")
 
     def read_alarms(self, target: ServoRef) -> Procedure[int]:
         """STAT: Status Error, in which every alarm stays until it is cleared (6-3 Example 2)."""

@@ -189,12 +189,21 @@ class Lewansoul(Family):
         the limits that would run to the nearer one (L-31), so there it is only stopped.
         """
         here = raw_position(target, motion_status)
-        if motion_status.turning:
-            yield from mode_write(target.id, Mode.MOTOR, 0)
-        elif motion_status.low <= here <= motion_status.high:
-            yield from move_time_write(target.id, here, 0)
-        else:
-            yield from move_stop(target.id)
+        goal, speed = (target.model.register(name) for name in ("goal_position", "motor_speed"))
+        for _ in range(TRIES):
+            if motion_status.turning:
+                yield from mode_write(target.id, Mode.MOTOR, 0)
+                row, raw = speed, 0
+            elif motion_status.low <= here <= motion_status.high:
+                yield from move_time_write(target.id, here, 0)
+                row, raw = goal, here
+            else:  # no answer shows that this was heard: it is told as often as there are tries
+                yield from move_stop(target.id)
+                continue
+            if (yield from self.read(target, [row])) == [raw]:
+                return
+        if motion_status.turning or motion_status.low <= here <= motion_status.high:
+            raise BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
 
     def push(self, target: ServoRef) -> Procedure[float]:
         """Nothing tells the output: one that holds and is not near its goal is taken to push with all it has."""
@@ -240,7 +249,12 @@ class Lewansoul(Family):
         if motion_status.torque:
             yield from mode_write(target.id, Mode.MOTOR, 0)
             yield from self.torque(target, on=False)
-        yield from mode_write(target.id, Mode.POSITION)
+        for _ in range(TRIES):
+            yield from mode_write(target.id, Mode.POSITION)
+            if (yield from self._mode(target)) == Mode.POSITION:
+                break
+        else:
+            raise BusError(f"{target} did not take that it is to go to angles again; its torque is off")
         if motion_status.torque:
             yield from self.torque(target, on=True)
 

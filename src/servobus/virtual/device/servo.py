@@ -18,6 +18,7 @@ from typing import Any, ClassVar, TypeAlias
 from servobus.core.framing import Corrupt, Packet
 from servobus.core.ids import check_id
 from servobus.core.registers import Register
+from servobus.core.units import show
 from servobus.errors import BadValue, UnknownName, UsageError
 from servobus.families.model import Model
 from servobus.virtual.device.memory import Memory
@@ -32,6 +33,8 @@ Replies: TypeAlias = list[tuple[float, bytes]]
 
 BITS = 10
 """Of a byte on the wire, start and stop bit included."""
+FARTHEST = 200 * math.pi
+"""rad that a shaft may be turned to by hand, either way: a hundred turns."""
 ROOM_TEMPERATURE = 25.0
 """degC; assumption, where nothing else is said."""
 
@@ -228,7 +231,9 @@ class VirtualServo(ABC):
         return self.shaft.position
 
     def turn_shaft(self, position: float) -> None:
-        """Turn the shaft by hand. Raises UsageError while the motor holds it."""
+        """Turn the shaft by hand. Raises UsageError while the motor holds it, BadValue for an angle out of reach."""
+        if not abs(position) <= FARTHEST:
+            raise BadValue(f"{show(position, 'rad')} is not in {show(-FARTHEST, 'rad')} .. {show(FARTHEST, 'rad')}")
         if self.powered and self.torque:
             raise UsageError(f"{self.model.title} id {self.id} holds its shaft: its torque is on")
         self.shaft.position = position

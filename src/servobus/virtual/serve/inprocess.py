@@ -82,8 +82,10 @@ class VirtualPort(Transport):
 
     def close(self) -> None:
         self._open = False
+        self.rig.close()
 
     def reopen(self) -> None:
+        self.rig.open()
         self._gone, self._open = False, True
         self._check()
         self.rig.receive(self.now())  # what came while the port was away is lost

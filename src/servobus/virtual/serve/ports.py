@@ -7,6 +7,7 @@ Both are context managers that `serve` one rig in real time until they are told 
 """
 
 import itertools
+import math
 import select
 import socket
 import threading
@@ -17,9 +18,10 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Self
 
-from servobus.errors import PortError
+from servobus.errors import PortError, UsageError
 from servobus.transports.pty import PseudoTerminal
 from servobus.virtual.serve.rig import Rig
+from servobus.virtual.serve.spec import REAL_CLOCK
 
 PULSE = 0.02
 """s after which a request to stop is noticed, and resting servos are looked after, at the latest."""
@@ -29,23 +31,25 @@ CHUNK = 4096
 
 
 class Port(ABC):
-    """What a client sees of a rig. `name` is what it opens."""
+    """What a client sees of a rig. `name` is what it opens. Raises UsageError for a rig on a virtual clock."""
 
     name: str
 
     def __init__(self, rig: Rig) -> None:
+        if rig.clock != "real":
+            raise UsageError(REAL_CLOCK)
         self.rig = rig
         self._stack = ExitStack()
         self._turns = itertools.cycle(rig.servos)
 
     def __enter__(self) -> Self:
-        with ExitStack() as stack:
-            self._open(stack)
-            self._stack = stack.pop_all()
+        self.rig.open()
+        self._appear()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
+        self.rig.close()
 
     def serve(self, stop: threading.Event) -> None:
         """Carry bytes until `stop` is set. The rig's time 0 is now."""
@@ -64,14 +68,20 @@ class Port(ABC):
             elif look is None:
                 self._keep_up(time.monotonic() - started)
 
+    def _appear(self) -> None:
+        with ExitStack() as stack:
+            self._open(stack)
+            self._stack = stack.pop_all()
+
     def _stay_away(self, stop: threading.Event, started: float) -> None:
         """Be no port, as the faults ask for, and then another one under the same name. Raises PortError."""
-        self.__exit__()
-        while self.rig.gone(time.monotonic() - started):
-            if stop.wait(PULSE):
+        self._stack.close()
+        while self.rig.gone(now := time.monotonic() - started):
+            self.rig.receive(now)  # does what was posted, such as to mend the fault; what servos send is lost
+            if self.rig.next_look() != -math.inf and stop.wait(PULSE):
                 return
-        self.rig.receive(time.monotonic() - started)  # what servos sent while the port was away is lost
-        self.__enter__()
+        self.rig.receive(time.monotonic() - started)
+        self._appear()
 
     def _keep_up(self, now: float) -> None:
         """While nothing is on the wire, advance servos to now: one that is asked next need not catch up first."""

@@ -6,13 +6,13 @@ goes to all of them, and what they answer comes back in the order of time.
 
 import math
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from servobus.errors import UsageError
 from servobus.virtual.device.servo import ROOM_TEMPERATURE, VirtualServo, virtual_servo
 from servobus.virtual.device.state_file import StateFile
 from servobus.virtual.physics.shaft import Rail
-from servobus.virtual.serve.spec import Setup
+from servobus.virtual.serve.spec import Clock, Setup
 from servobus.virtual.wire.faults import NO_FAULTS, Faults, Injected
 from servobus.virtual.wire.line import VirtualLine
 
@@ -20,12 +20,24 @@ from servobus.virtual.wire.line import VirtualLine
 class Rig:
     """Several lines with one client. Time is told from outside, as with a single line."""
 
-    def __init__(self, lines: Sequence[VirtualLine]) -> None:
+    def __init__(self, lines: Sequence[VirtualLine], state: StateFile | None = None, clock: Clock = "real") -> None:
         if not lines:
             raise UsageError("a rig needs at least one line")
         self.lines = list(lines)
+        self.state = state
+        self.clock = clock
         self.faults = NO_FAULTS
         self._tasks: deque[Callable[[float], None]] = deque()
+
+    def open(self) -> None:
+        """Have the state file, if there is one, for this rig alone; it has been from the start. Raises UsageError."""
+        if self.state:
+            self.state.open()
+
+    def close(self) -> None:
+        """Let others have the state file."""
+        if self.state:
+            self.state.close()
 
     @property
     def servos(self) -> list[VirtualServo]:
@@ -83,6 +95,18 @@ class Rig:
         for line in self.lines:
             line.inject(self.faults, now)
 
+    def unplug(self, servos: Collection[VirtualServo], now: float) -> None:
+        """Take the supply from servos; nothing happens to those that have none."""
+        self.run(now)
+        for line in self.lines:
+            line.unplug([servo for servo in line.servos if servo in servos and servo.powered], now)
+
+    def plug(self, servos: Collection[VirtualServo], now: float) -> None:
+        """Give servos their supply again; nothing happens to those that have it."""
+        self.run(now)
+        for line in self.lines:
+            line.plug([servo for servo in line.servos if servo in servos and not servo.powered], now)
+
     @property
     def injected(self) -> list[Injected]:
         """The latest faults that have happened since the last call of `inject`, in the order of time."""
@@ -134,8 +158,17 @@ def build_rig(setup: Setup) -> Rig:
             )
             for id in group.ids
         ]
-    if setup.state is not None:
-        StateFile(setup.state, servos)
+    state = None if setup.state is None else StateFile(setup.state, servos)
+    try:
+        return _wired(setup, servos, state)
+    except BaseException:
+        if state:
+            state.close()
+        raise
+
+
+def _wired(setup: Setup, servos: Sequence[VirtualServo], state: StateFile | None) -> Rig:
+    """Put servos on the wires of a rig."""
     families: dict[str, list[VirtualServo]] = {}
     for servo in servos:
         servo.shaft.load = setup.load
@@ -146,7 +179,9 @@ def build_rig(setup: Setup) -> Rig:
         [
             VirtualLine(line, echo=setup.echo, supply=_supply(setup, line), adapter=setup.adapter)
             for line in families.values()
-        ]
+        ],
+        state,
+        setup.clock,
     )
     rig.inject(setup.faults, 0.0)
     return rig

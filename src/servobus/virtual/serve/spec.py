@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 from urllib.parse import parse_qsl
 
 from servobus.core.ids import parse_range
-from servobus.core.units import Switch, parse
+from servobus.core.units import Switch, parse, show
 from servobus.errors import BadValue, UsageError
 from servobus.families import registry
 from servobus.families.base import Model
@@ -38,11 +38,19 @@ class Group(NamedTuple):
     options: Mapping[str, str] = NO_OPTIONS
 
 
+Clock: TypeAlias = Literal["real", "virtual"]
 Servos: TypeAlias = list[Group]
 """Groups of servos in the order they are named."""
 
 PREFIX = "virtual:"
 EXAMPLE = "rx28@1-4,7,lx16a@2"
+
+REAL_CLOCK = (
+    "clock=virtual is for a port inside one program, such as virtual:rx28@1?clock=virtual: the virtual clock advances "
+    "while that program waits for the servos, and programs behind a pseudo terminal or TCP wait by their own clocks; "
+    "leave it out here"
+)
+"""Why servos that are served to other programs have no virtual clock."""
 
 HIGHEST_VOLTAGE = 30.0
 """V; no servo here is made for more than 18.5, and a slip of the point would burn it."""
@@ -52,6 +60,10 @@ HIGHEST_RESISTANCE = 1000.0
 """ohm of a supply."""
 
 _LOAD_UNITS = {"inertia": "kgm2", "mass": "kg", "length": "m", "down": "rad", "tilt": "rad", "torque": "Nm"}
+HIGHEST_LOADS = {
+    "inertia": 1000.0, "mass": 1000.0, "length": 10.0, "down": 20 * math.pi, "tilt": 20 * math.pi, "torque": 10_000.0,
+}  # fmt: skip
+"""What a load may be, in kg·m², kg, m, rad and N·m. Assumption: far more than servos of these kinds could move."""
 _NEVER_NEGATIVE = "inertia", "mass", "length"
 LOAD_WORDS = "inertia, mass, length, torque, down, tilt, blocked, none"
 
@@ -79,7 +91,7 @@ class Setup:
     """
 
     servos: Servos
-    clock: Literal["real", "virtual"] = "real"
+    clock: Clock = "real"
     echo: bool = False
     baud: int | None = None
     voltage: float | None = None
@@ -127,6 +139,11 @@ def _has(model: type[Model], name: str) -> bool:
 
 
 def _unknown(name: str, models: list[type[Model]]) -> str:
+    if name in SURROUNDINGS:
+        return (
+            f"{name} is no option of a servo but of the whole port: ?{name}=... behind a port's name, or "
+            f"--{name.replace('_', '-')} of `servobus virtual`"
+        )
     has = "; ".join(f"{model.title}: {suggestion(name, options_of(firmware(model)))}" for model in models)
     said = f"{models[0].title} has no option" if len(models) == 1 else "no servo here has an option"
     return f"{said} {name!r}. {has}"
@@ -266,4 +283,7 @@ def _load_value(name: str, value: str) -> float:
         raise ValueError("this is no number to reckon with")
     if number < 0 and name in _NEVER_NEGATIVE:
         raise ValueError("it cannot be negative")
+    unit, most = _LOAD_UNITS[name], HIGHEST_LOADS[name]
+    if abs(number) > most:
+        raise ValueError(f"{show(number, unit)} is more than {show(most, unit)}")
     return number

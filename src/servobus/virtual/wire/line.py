@@ -16,6 +16,8 @@ import bisect
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from operator import itemgetter
+from typing import Final, TypeAlias
 
 from servobus.core.framing import Corrupt, Decoder, Framing, Noise, Packet
 from servobus.core.ids import BROADCAST
@@ -101,7 +103,7 @@ class VirtualLine:
         if self._injector:
             heard, echoed = self._injector.send(wave, echo=self.echo)
         for part in heard:
-            _put(self._to_servos, part)
+            self._carry(part)
         if echoed:
             _put(self._to_client, echoed[0])
         elif not self.family.full_duplex:
@@ -119,13 +121,13 @@ class VirtualLine:
 
     def next_event(self) -> float | None:
         """Give the time of the next thing that happens by itself; None if all is quiet."""
-        times = [time for time, _, _ in self._due()]
+        times = [time] if (time := self._due()[0]) < math.inf else []
         if self._arrived:
             times.append(self.now)
-        elif (time := self._handover.next_event(self._client.next_run(self._to_client))) is not None:
-            times.append(time)
-        if self._injector and (time := self._injector.next_event(self.now)) is not None:
-            times.append(time)
+        elif (handed := self._handover.next_event(self._client.next_run(self._to_client))) is not None:
+            times.append(handed)
+        if self._injector and (fault := self._injector.next_event(self.now)) is not None:
+            times.append(fault)
         return min(times, default=None)
 
     # What goes wrong
@@ -179,6 +181,8 @@ class VirtualLine:
             servo.power_off()
             for waves in (self._to_servos, self._to_client):
                 waves[:] = [wave for wave in waves if wave.sender is not servo or wave.start < now]
+        for group in self._groups.values():
+            group.next = None
 
     def plug(self, servos: Iterable[VirtualServo], now: float) -> None:
         """Give servos their supply again."""
@@ -193,12 +197,11 @@ class VirtualLine:
     def run(self, now: float) -> None:
         """Let everything up to now happen."""
         while True:
-            due = min(self._due(), key=_time_of, default=None)
-            if self._injector and self._injector.change(min(due[0] - EPSILON, now) if due else now):
+            time, group, run = self._due()
+            if self._injector and self._injector.change(min(time - EPSILON, now)):
                 continue
-            if due is None or due[0] > now + EPSILON:
+            if time > now + EPSILON:
                 break
-            time, group, run = due
             self._live(time)
             if run is None:
                 self._drop(group, time)
@@ -234,23 +237,16 @@ class VirtualLine:
     def _settings(self) -> list[tuple[int, float, float]]:
         return [(servo.id, servo.baud, servo.garbage_timeout) for servo in self.servos]
 
-    def _due(self) -> "list[tuple[float, _Group, ReceivedBytes | None]]":
-        """Give the next event of each group: a run of bytes, or a pause too long (None)."""
-        due: list[tuple[float, _Group, ReceivedBytes | None]] = []
-        for group in self._groups.values():
-            run = group.receiver.next_run(self._to_servos, group.decoder.missing)
-            gives_up = group.gives_up
-            if gives_up is not None and (run is None or gives_up < run.start - EPSILON):
-                due.append((gives_up, group, None))
-            elif run is not None:
-                due.append((run.end, group, run))
-        return due
+    def _due(self) -> "_Due":
+        """Give the next event of all groups, and when; see `_Group.look`."""
+        events = [group.next or group.look(self._to_servos) for group in self._groups.values()]
+        return min(events, key=_time_of)
 
     # The servos' side
 
     def _hear(self, group: "_Group", run: ReceivedBytes) -> None:
         group.receiver.since = run.resume
-        group.last = run.end
+        group.last, group.next = run.end, None
         events = group.decoder.feed(run.data)
         if run.from_servo:
             group.servo_bytes_end = group.decoder.position
@@ -279,10 +275,18 @@ class VirtualLine:
         for part in self._injector.reply(wave) if self._injector else (wave,):
             _put(self._to_client, part)
         if not self.family.full_duplex:
-            _put(self._to_servos, wave)
+            self._carry(wave)
+
+    def _carry(self, wave: Transmission) -> None:
+        """Put onto the wire what servos hear."""
+        _put(self._to_servos, wave)
+        for group in self._groups.values():
+            if group.next is not None and wave.start < group.next[0]:
+                group.next = None
 
     def _drop(self, group: "_Group", time: float) -> None:
         group.decoder.drop()
+        group.next = None
         for servo in group.called(BROADCAST):
             if servo.powered and servo.deaf_until <= time:
                 servo.advance(time)
@@ -322,13 +326,24 @@ class _Group:
         """Time at which the last byte was received."""
         self.servo_bytes_end = 0
         """Position in the decoder's stream behind the last byte that a servo sent."""
+        self.next: _Due | None = None
+        """What `look` gave, as long as that holds."""
         self.ids: dict[VirtualServo, int] = {}
         self._by_id: dict[int, list[VirtualServo]] = {}
 
-    @property
-    def gives_up(self) -> float | None:
-        """Time at which an incomplete packet is dropped: a pause longer than the longest."""
-        return self.last + self._timeout + 2 * EPSILON if self.decoder.pending else None
+    def look(self, waves: Sequence[Transmission]) -> "_Due":
+        """Give the next thing that happens here, and when: a run of bytes, a packet given up (None), nothing (inf).
+
+        A pause longer than the longest ends an incomplete packet. What is given holds until a wave is added that starts
+        before, or until it has happened.
+        """
+        run = self.receiver.next_run(waves, self.decoder.missing)
+        gives_up = self.last + self._timeout + 2 * EPSILON if self.decoder.pending else math.inf
+        if run is None or gives_up < run.start - EPSILON:
+            self.next = gives_up, self, None
+        else:
+            self.next = run.end, self, run
+        return self.next
 
     def called(self, id: int) -> list[VirtualServo]:
         """Give the servos that listen to an id."""
@@ -360,5 +375,5 @@ def _start_of(wave: Transmission) -> float:
     return wave.start
 
 
-def _time_of(due: tuple[float, _Group, ReceivedBytes | None]) -> float:
-    return due[0]
+_Due: TypeAlias = tuple[float, _Group, ReceivedBytes | None]
+_time_of: Final = itemgetter(0)

@@ -36,6 +36,10 @@ def distort(data: bytes, sent: float, heard: float) -> bytes:
     return out
 
 
+_LEVELS = [bytes((0, *(byte >> place & 1 for place in range(BITS - 2)), 1)) for byte in range(256)]
+"""Byte -> its levels: start bit, data bits, stop bit."""
+
+
 @dataclass(slots=True)
 class Transmission:
     """Bytes that one sender puts on the wire back to back.
@@ -53,9 +57,17 @@ class Transmission:
     note: object = None
     """Whatever its sender needs again when its bytes arrive, such as their `Delivery`."""
     end: float = field(init=False)
+    _levels: bytes = field(default=b"", init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         self.end = self.time(len(self.data))
+
+    @property
+    def levels(self) -> bytes:
+        """The level during each bit, from the idle line before the first start bit on."""
+        if not self._levels:
+            self._levels = b"\1" + b"".join(_LEVELS[byte] for byte in self.data)
+        return self._levels
 
     def time(self, count: int) -> float:
         """Give the time at which this many bytes are sent."""
@@ -81,24 +93,28 @@ class Transmission:
 
     def bit(self, index: int) -> int:
         """Give the level during one bit, counted from the first start bit."""
-        byte, place = divmod(index, BITS)
-        if index < 0 or byte >= len(self.data) or place == BITS - 1:
-            return 1
-        return self.data[byte] >> place - 1 & 1 if place else 0
+        return self.levels[index + 1] if 0 <= index < BITS * len(self.data) else 1
 
     def level(self, time: float) -> int:
-        return self.bit(math.floor((time - self.start) * self.baud))
+        return self.bit(math.floor((time - self.start) * self.baud + 1e-6))
 
     def falling_edges(self, since: float) -> Iterator[float]:
-        first = max(0, math.ceil((since - self.start) * self.baud - 1e-6))
-        for index in range(first, BITS * len(self.data)):
-            if not self.bit(index) and self.bit(index - 1):
-                yield self.start + index / self.baud
+        index = self.falling_edge((since - self.start) * self.baud)
+        while index >= 0:
+            yield self.start + index / self.baud
+            index = self.falling_edge(index + 1)
+
+    def falling_edge(self, since: float) -> int:
+        """Give the next bit from this one on whose beginning is a falling edge; -1 if there is none."""
+        return self.levels.find(b"\1\0", max(0, math.ceil(since - 1e-6)))
 
 
 @dataclass(slots=True)
 class ReceivedBytes:
-    """Bytes received back to back; `resume` is when the receiver waits for the next start bit."""
+    """Bytes received back to back; `resume` is when the receiver waits for the next start bit.
+
+    Between bytes that were read off a wire at another speed there may be pauses, shorter than a byte of the sender.
+    """
 
     data: bytes
     start: float
@@ -126,7 +142,8 @@ class Receiver:
         """Give the next bytes, without taking them: set `since` to the run's `resume` for that.
 
         `waves` are in the order of their start. At most `limit` bytes of the client, complete by `until`,
-        are given. The result holds as long as no wave that starts before its end is added.
+        are given; without a limit, what is read off the wire at another speed comes byte by byte, each with its time.
+        The result holds as long as no wave that starts before its end is added.
         """
         active = [wave for wave in waves if wave.end > self.since + EPSILON] if waves else waves
         if not active:
@@ -135,8 +152,9 @@ class Receiver:
         index = wave.byte_at(self.since)
         if index == len(wave.data):  # only its last stop bit is left
             return self.next_run(active[1:], limit, until)
-        if index is not None and (wave.plain or self.baud is None or understands(self.baud, wave.baud)):
-            alone_until = active[1].start if len(active) > 1 else math.inf
+        alone_until = active[1].start if len(active) > 1 else math.inf
+        understood = wave.plain or self.baud is None or understands(self.baud, wave.baud)
+        if index is not None and understood:
             stop = wave.complete(min(until, alone_until))
             if limit is not None and wave.sender is None:
                 stop = min(stop, index + limit)
@@ -147,7 +165,33 @@ class Receiver:
                 )
             if until <= alone_until:
                 return None
-        return self._sample(active, until)
+        several = 1 if understood or limit is None else limit
+        return self._misread(wave, min(until, alone_until), several) or self._sample(active, until)
+
+    def _misread(self, wave: Transmission, until: float, limit: int) -> ReceivedBytes | None:
+        """Read bytes, complete by then, of one sender with another speed. Times are counted in bits of the sender."""
+        baud = self.baud or wave.baud
+        ratio = wave.baud / baud
+        middles = [(place + 1.5) * ratio + 1e-6 for place in range(BITS - 2)]
+        levels, idle = wave.levels, BITS * len(wave.data)
+        last = (until - wave.start + EPSILON) * wave.baud - BITS * ratio
+        data = bytearray()
+        since = (self.since - wave.start) * wave.baud
+        begin = edge = -1
+        while len(data) < limit and 0 <= (edge := wave.falling_edge(since)) <= last:
+            begin = edge if begin < 0 else begin
+            byte = 0
+            for place, middle in enumerate(middles):
+                at = int(edge + middle)
+                byte |= 1 << place if at >= idle or levels[at + 1] else 0
+            data.append(byte)
+            since = edge + (BITS - 0.5) * ratio
+        if not data:
+            return None
+        resume = wave.start + since / wave.baud
+        return ReceivedBytes(
+            bytes(data), wave.start + begin / wave.baud, resume + 0.5 / baud, resume, wave.sender is not None
+        )
 
     def _sample(self, waves: Sequence[Transmission], until: float) -> ReceivedBytes | None:
         """Read one byte off the levels of the wire."""

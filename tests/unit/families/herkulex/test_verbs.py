@@ -102,6 +102,11 @@ def torque_state(torque: int = 0x60, error: int = 0) -> tuple[bytes, bytes]:
     return image(3, 1, torque_policy=0x15), image(48, 5, status_error=error, torque_control=torque)
 
 
+LIGHT = image(53, 1)
+STOPS = [IJog(219, (Jog(219, 16384, stop=True),))] * 3
+"""What goes out right behind the torque, so that a servo which kept its goal does not run there (EH-43)."""
+
+
 # Identity
 
 
@@ -261,10 +266,11 @@ def test_stop_a_turning_servo() -> None:
 
 
 def test_torque() -> None:
-    assert play(FAMILY.torque(SERVO, on=False))[1] == [RamWrite(219, 52, b"\x00")]
-    _, steps = play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0), *torque_state())
-    stop = IJog(219, (Jog(219, 16384, stop=True),))  # right behind: whatever goal it remembers ends there
-    assert steps[2:] == [RamWrite(219, 52, b"\x60"), stop, RamRead(219, 3, 1), RamRead(219, 48, 5)]
+    _, steps = play(FAMILY.torque(SERVO, on=False), image(52, 1))
+    assert steps == [RamWrite(219, 52, b"\x00"), RamRead(219, 52, 1)]
+    _, steps = play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0), LIGHT, *torque_state())
+    expected = [RamRead(219, 53, 1), RamWrite(219, 52, b"\x60"), *STOPS, RamRead(219, 3, 1), RamRead(219, 48, 5)]
+    assert steps[2:] == expected
 
 
 def test_torque_that_stays_off_is_told() -> None:
@@ -273,14 +279,15 @@ def test_torque_that_stays_off_is_told() -> None:
         play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0, error=0x10))
     with pytest.raises(TorqueOff, match="overload"):  # it came meanwhile
         again = torque_state(torque=0, error=0x10)
-        play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0), *again, *again)
+        play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0), LIGHT, *again, LIGHT, *again)
 
 
 def test_a_write_that_was_lost_is_sent_again() -> None:
-    _, steps = play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0), *torque_state(torque=0), *torque_state())
+    off, on = (LIGHT, *torque_state(torque=0)), (LIGHT, *torque_state())
+    _, steps = play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0), *off, *on)
     assert steps.count(RamWrite(219, 52, b"\x60")) == 2
     with pytest.raises(BusError, match="did not come on"):
-        play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0), *torque_state(torque=0), *torque_state(torque=0))
+        play(FAMILY.torque(SERVO, on=True), *motion_status(torque=0), *off, *off)
 
 
 @pytest.mark.parametrize(("speed", "raw"), [(198.4 * deg, 320), (-198.4 * deg, -320), (0.0, 0)])
@@ -313,13 +320,16 @@ def test_position_mode_outside_the_limits_does_not_run_back() -> None:
     _, steps = play(
         FAMILY.position_mode(SERVO, None),
         *motion_status(position=30000, mode=1),
+        image(52, 1),
         *motion_status(position=30000, torque=0),
+        LIGHT,
         *torque_state(),
     )
     assert [step for step in steps if not isinstance(step, RamRead)] == [
         RamWrite(219, 52, b"\x00"),
         IJog(219, (Jog(219, 22129),)),
         RamWrite(219, 52, b"\x60"),
+        *[IJog(219, (Jog(219, 22129, stop=True),))] * 3,
     ]
 
 

@@ -245,20 +245,21 @@ def test_stop_ends_a_move_first_and_then_an_endless_turn() -> None:
     ]
 
 
-def test_torque_off_is_one_command() -> None:
+def test_torque_off_is_told_and_asked_for() -> None:
     servo = Pretender()
     servo.run_blocking(FAMILY.torque(TARGET, on=False))
-    assert servo.steps == ["SERVO_LOAD_OR_UNLOAD_WRITE id 3, load 0"]
+    assert servo.steps == ["SERVO_LOAD_OR_UNLOAD_WRITE id 3, load 0", "SERVO_LOAD_OR_UNLOAD_READ id 3"]
 
 
 @pytest.mark.parametrize(
-    ("here", "first"), [(500, "SERVO_MOVE_TIME_WRITE id 3, angle 500, time_ms 0"), (-40, "SERVO_MOVE_STOP id 3")]
+    ("here", "first"),
+    [(500, ["SERVO_MOVE_TIME_WRITE id 3, angle 500, time_ms 0"]), (-40, ["SERVO_MOVE_STOP id 3"] * 3)],
 )
-def test_before_torque_on_the_present_position_is_the_goal_where_it_can_be_one(here: int, first: str) -> None:
+def test_before_torque_on_the_present_position_is_the_goal_where_it_can_be_one(here: int, first: list[str]) -> None:
     servo = Pretender(**FINE | {"SERVO_POS_READ": (here,), "SERVO_LOAD_OR_UNLOAD_READ": (0,)})
     servo.run_blocking(FAMILY.torque(TARGET, on=True))
     sent = [step for step in servo.steps if "READ" not in step]
-    assert sent == [first, "SERVO_LOAD_OR_UNLOAD_WRITE id 3, load 1"]
+    assert sent == [*first, "SERVO_LOAD_OR_UNLOAD_WRITE id 3, load 1"]
 
 
 @pytest.mark.parametrize(("output", "duty"), [(1, 1000), (-1, -1000), (0.25, 250), (0, 0)])

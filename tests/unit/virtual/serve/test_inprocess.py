@@ -102,6 +102,7 @@ def test_state_file(tmp_path: Path) -> None:
     port = connect(spec)
     port.write(bytes.fromhex("FF FF 01 04 03 03 09 EB"))
     assert port.read(0.1) == PONG
+    port.close()
     assert [servo.id for servo in connect(spec).servos] == [9, 2]
     with pytest.raises(UsageError, match="other servos"):
         connect(f"virtual:rx28@1?state={tmp_path / 'rx.json'}")
