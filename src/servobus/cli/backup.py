@@ -107,7 +107,7 @@ def write_backup(saved: Backup, path: Path, *, force: bool = False, otherwise: s
 def read_backup(path: Path) -> Backup:
     """Read a backup file. Raises UsageError."""
     try:
-        return Backup.parse(path.read_text(encoding="utf-8"))
+        return Backup.parse(path.read_text(encoding="utf-8-sig"))
     except UsageError as error:
         raise UsageError(f"{path}: {error}") from None
     except UnicodeDecodeError as error:

@@ -1,5 +1,7 @@
 """What the system tells of a port: may it be opened, which programs have it open, and how fast its adapter is."""
 
+import os
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -8,6 +10,8 @@ from servobus.connect import VIRTUAL
 from servobus.doctor.findings import SHOWN, Finding, Severity
 from servobus.transports import usb_adapter as facts
 
+MEMORY_DEVICES = 1
+"""Major number of /dev/null, /dev/zero and the like (Linux, devices.txt)."""
 RULES = "/etc/udev/rules.d/99-servobus.rules"
 
 
@@ -26,7 +30,8 @@ def check_system(port: str, root: Path = facts.ROOT) -> Iterator[Finding]:
         yield _permission(access)
         if not access.allowed:
             return
-        yield _holders(port, root)
+        if _may_be_serial(access.real):
+            yield _holders(port, root)
     about = facts.adapter(port, root) if facts.is_wired(port, root) else None
     if about is not None:
         driver = f", driver {about.driver}" if about.driver else ""
@@ -55,6 +60,15 @@ def _permission(access: facts.PortAccess) -> Finding:
         return Finding(Severity.FAIL, "permission", "this login may not open it", cause)
     cause = f"it belongs to the group {access.group}; log out and in again after joining" if access.group else ""
     return Finding(Severity.FAIL, "permission", "this user may not open it", cause, (access.remedy,))
+
+
+def _may_be_serial(path: str) -> bool:
+    """Tell whether it is worth a look who uses it: of a plain file, or of /dev/null, no user is to be ended."""
+    try:
+        about = Path(path).stat()
+    except OSError:  # it cannot be told
+        return True
+    return stat.S_ISCHR(about.st_mode) and os.major(about.st_rdev) != MEMORY_DEVICES
 
 
 def _holders(port: str, root: Path) -> Finding:

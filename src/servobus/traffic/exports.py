@@ -26,6 +26,8 @@ FRAME_PART = re.compile(
 )
 DIGITS = re.compile(r"(?:0x)?[0-9a-fA-F]{2}|\d{1,3}")
 OFFSET = re.compile(r"(?:0x)?([0-9a-fA-F]{4,16})(:\s+|\s{2,}|\s+)(?=\S)")
+LETTERS = re.compile(r"[0-9a-fA-F]{2}\s{2,}\S*[^0-9a-fA-F\s]")
+"""Bytes, and letters for them in a column behind two spaces."""
 OCTAL_DIGITS = 7
 """Digits of the offsets of od, which are octal, and of hexdump without -C, which writes words of two bytes."""
 TO_HEX = "set the display of its values to hexadecimal and export it again"
@@ -115,7 +117,9 @@ def _dump(lines: Sequence[str]) -> Export | None:
     """Read a hex dump whose offsets count the bytes before them."""
     filled = [line.rstrip() for line in lines if line.strip()]
     heads = [OFFSET.match(line.strip()) for line in filled]
-    marked = any(head and head[2].startswith(":") for head in heads) or any("|" in line for line in filled)
+    marked = any(head and head[2].startswith(":") for head in heads) or any(
+        "|" in line or LETTERS.search(line) for line in filled
+    )
     if not filled or heads[0] is None:
         return None
     if not (marked or len(filled) > 1 or re.fullmatch("0{6,}", heads[0][1])):
@@ -123,6 +127,8 @@ def _dump(lines: Sequence[str]) -> Export | None:
     if not marked and not re.fullmatch("0+", heads[0][1]):
         return None
     octal_first = len(heads[0][1]) == OCTAL_DIGITS
+    if all(re.match(r"\S+:\s+[01]{8}(\s|$)", line.strip()) for line in filled):
+        raise UsageError("this dump is of bits; make it with xxd without -b")
     if (
         octal_first
         and not marked
@@ -160,19 +166,22 @@ def _dumped(lines: Sequence[str], base: int) -> bytes | None:
         if whole is None or offset != first + len(data):
             return None
         rest = "" if ends else line[whole.end() :]
-        row = _dump_row(rest)
+        # od, whose offsets have seven digits, writes no letters, and elsewhere more than one space.
+        row = _dump_row(rest, letters=len(whole[1]) != OCTAL_DIGITS)
         if rest and not row:
             return None
         data += row
     return bytes(data)
 
 
-def _dump_row(rest: str) -> bytes:
+def _dump_row(rest: str, *, letters: bool = True) -> bytes:
     """Take the bytes of one line of a dump, without the column of letters; nothing if there are none.
 
     That column stands behind two spaces or a bar, and has one letter for each byte. Half a line of bytes, which may
     stand behind two spaces too, is longer.
     """
+    if not letters and re.fullmatch(r"(?:[0-9a-fA-F]{2}\s*)+", rest):
+        return bytes.fromhex(rest)
     data, barred = b"", "|" in rest
     for part in re.split(r"\s{2,}", rest.split("|", maxsplit=1)[0].rstrip()):
         if not re.fullmatch(r"(?:(?:[0-9a-fA-F]{2})+\s?)+", part) or (data and not barred and len(part) <= len(data)):

@@ -21,13 +21,17 @@ ARROWS = {
     "<=": Direction.IN, "<==": Direction.IN, "←": Direction.IN, "⇐": Direction.IN,
 }  # fmt: skip
 ARROW = "|".join(sorted(map(re.escape, ARROWS), key=len, reverse=True))
-CLOCK = r"(?:\d{4}-\d\d-\d\d[T ])?(\d{1,2}):(\d\d):(\d\d)(?:[.,](\d+))?(?:Z|[+-]\d\d:?\d\d)?"
+CLOCK = r"(?:\d{4}-\d\d-\d\d[T ])?(\d{1,2}):(\d\d):(\d\d)(?:(?:[.,]|:(?=\d{3}(?!\d)))(\d+))?(?:Z|[+-]\d\d:?\d\d)?"
 SECONDS = r"(\d+\.\d+)\s*(ms|us|µs|s)?"
 UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "s": 1.0, None: 1.0}
-DATE = r"\d{4}[-/]\d\d[-/]\d\d"
+DATE = r"(?:\d{4}[-/]\d\d[-/]\d\d|\d{1,2}[./]\d{1,2}[./]\d{4})"
 NAME = r"[^\W\d_]\w*"
 LEVELS = re.compile(r"(?:debug|info|notice|warn|warning|error|trace|verbose|log)\b[\s:,\]-]*", re.IGNORECASE)
 """Levels of a log, which say nothing of the bytes."""
+BYTES_IN_NAME = re.compile(r"(?<!\w)(?:0[xX])?(?:[0-9a-fA-F]{1,2}|\d{3})\s+(?:0[xX])?(?:[0-9a-fA-F]{1,2}|\d{3})(?!\w)")
+"""Two bytes in a row, which are no part of a name: `send FF FF 01 -> recv FF FF 02`."""
+PLAIN = re.compile(r"[0-9a-fA-FxX\s,;]*")
+"""A line of bytes with nothing before them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +44,8 @@ class Label:
 
 def strip_label(line: str) -> tuple[Label, str]:
     """Give what a line says of its bytes, and the rest of it."""
+    if PLAIN.fullmatch(line):
+        return Label(), line.strip()
     label, rest = Label(), line.strip()
     while True:
         step = _step(rest)
@@ -81,6 +87,8 @@ def _step(text: str) -> tuple[Label, str] | None:
         return Label(), text[date.end() :]
     if arrow := re.match(rf"({ARROW})\s*", text):
         return Label(direction=ARROWS[arrow[1]]), text[arrow.end() :]
+    if dash := re.match(r"-\s+(?=(?:0[xX])?[0-9a-fA-F]{2}(?!\w)|\d{3}(?!\w))", text):
+        return Label(), text[dash.end() :]
     if level := LEVELS.match(text):
         return Label(), text[level.end() :]
     return _named(text)
@@ -119,7 +127,8 @@ def _named(text: str) -> tuple[Label, str] | None:
         # A: FF FF names a channel; bytes that colons join have more colons.
         channel = re.match(r"[A-Fa-f]:\s+(?=[^:]+$)", text)
         return None if channel is None else (Label(), text[channel.end() :])
-    if named := re.match(rf"([\w \t#./()\-]{{1,60}}?)\s*(?::|=(?!=)|({ARROW}))\s*(?=\S)", text):
+    named = re.match(rf"([\w \t#./()\-]{{1,60}}?)\s*(?:(?:\[\d+\])?:|=(?!=)|({ARROW}))\s*(?=\S)", text)
+    if named and not BYTES_IN_NAME.search(named[1]):
         direction = direction_of(named[1]) or (ARROWS[named[2]] if named[2] else None)
         return Label(direction=direction), text[named.end() :]
     if (direction := direction_of(first[0])) and (gap := re.match(r"[\s,;|]+(?=\S)", text[first.end() :])):
@@ -129,9 +138,11 @@ def _named(text: str) -> tuple[Label, str] | None:
 
 def names_what_follows(line: str) -> Label | None:
     """Read a line that is nothing but a label, of the bytes on the lines below it; None for other lines."""
+    if PLAIN.fullmatch(line):
+        return None
     label, rest = strip_label(line)
     named = re.fullmatch(rf"#?\s*({NAME}[\w \t#./()\-]{{0,60}}?)\s*(?::|{ARROW})", rest)
-    if named is None or re.fullmatch(r"[0-9a-fA-F\s]+", named[1]):
+    if named is None or re.fullmatch(r"[0-9a-fA-F\s]+", named[1]) or BYTES_IN_NAME.search(named[1]):
         return None
     return replace(label, direction=label.direction or direction_of(named[1]))
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from servobus.errors import UsageError
 from servobus.traffic import exports
-from servobus.traffic.labels import Label, names_what_follows, strip_label, without_numbers
+from servobus.traffic.labels import Label, direction_of, names_what_follows, strip_label, without_numbers
 from servobus.traffic.recording import Chunk, Direction
 
 HEX, DECIMAL, SIGNED, BINARY = "hexadecimal", "decimal", "signed decimal", "binary"
@@ -39,10 +39,49 @@ COMMENT = re.compile(
     r"|(?<=\S)[ \t]+#(?![0-9a-fA-F]{1,2}\b)[^\n]*",
     re.DOTALL,
 )
-OFFSET = re.compile(r"\s*((?:0x)?[0-9a-fA-F]{4,16}(?:-[0-9a-fA-F]{4,16})?:)\s")
-COUNTED = re.compile(r"[(\[]\s*(?:len\s*=?\s*)?\d+\s*(?:bytes?|B)\s*[)\]]", re.IGNORECASE)
-SYMBOLS = re.compile("[\u25a0-\u25ff]+")
-"""Squares and the like, with which terminal programs mark what they show."""
+OFFSET = re.compile(
+    r"\s*((?:0x)?[0-9a-fA-F]{4,16}(?:-[0-9a-fA-F]{4,16})?:|[0-9a-fA-F]{4,8}:[0-9a-fA-F]{4,8}(?=\s+\S))\s"
+)
+COUNTED = re.compile(
+    r"[(\[]\s*(?:len\s*=?\s*)?\d+\s*(?:bytes?|B)\s*[)\]]|(?<!\w)(?:len|length|size|count)\s*=\s*\d+(?!\w)[,;]?"
+    r"|(?<=\w)\(\d+\)(?=\s*[\[{])",
+    re.IGNORECASE,
+)
+"""How many bytes there are: (6 bytes), len=6, Uint8Array(6) [...]."""
+NUMBERED = re.compile(r"([0-9]{1,3}|[0-9a-fA-F]{2}):\s+(?=[^:]+$)")
+"""A number before the bytes of a line: a count, an id, a channel."""
+SYMBOLS = re.compile("[\u25a0-\u25ff]+|^[ \t]*```.*$", re.MULTILINE)
+"""Squares and the like, with which terminal programs mark what they show; fences of Markdown."""
+TWICE = re.compile(r"0[xX]([0-9a-fA-F]{1,2})\s*\(\s*([0-9]{1,3})\s*\)")
+"""One byte both ways: 0xFF (255)."""
+NO_BYTES = (
+    r":\s*&?\s*(?:mut\s+)?\[\s*u8\s*(?:;\s*\w+\s*)?\](?=\s*=)",
+    r"(?<=\d)_?u8\b",
+    r"(?<=array)<[^<>\n]*>",
+    r",\s*dtype\s*=\s*[\w.'\"]+",
+    r"(?<=array\()\s*[\"'][bB][\"']\s*,",
+    r"#\s*define\s+\w+(?=\s+[{(])",
+    r"^[ \t]*(?:\$\s+)?(?:echo|printf)(?:\s+-\w+)*\s+(?=['\"])",
+    r"(?<=['\"])\s*>\s*/\S+",
+    r"(?<=['\"])\s*\+(?=\s*[bB]?['\"])",
+    r"(?<=['\"])\s*\\[ \t]*$",
+)
+"""What programs say of the type and the use of their bytes: [u8; 6], dtype=uint8, echo -ne "..." > /dev/ttyUSB0."""
+TYPES = re.compile("|".join(NO_BYTES), re.MULTILINE)
+TRACED = re.compile(
+    r"""\b(write|read)\(\d+(?:<[^>\n]*>)?,\s*("(?:\\.|[^"\\\n])*")(\.\.\.)?,\s*\d+\)\s*=\s*\d+(?:\s*<[\d.]+>)?"""
+)
+"""A call that strace shows."""
+BLANK_IN_STRING = re.compile(r"\\x[0-9a-fA-F]{2}\\x.* \S*\\x|\\x[0-9a-fA-F]{2} .*\\x[0-9a-fA-F]{2}\\x")
+ESCAPED = re.compile(r"(?<![^\s,;|])(?:\\x[0-9a-fA-F]{2}|\\[0-7]{3}|\\[abfnrtv\\]|[!-+\--:<-\[\]-{}~])+(?![^\s,;|])")
+"""What stands between the quotes of a string of bytes: \\xff\\xff\\x01$."""
+GIVEN = re.compile(
+    r"(?<![\w$#\\.])([A-Za-z_][\w.]*)(?:\[\s*\w*\s*\])*\s*(?:=(?!=)|\((?=\s*-?(?:0[xX])?[0-9a-fA-F]+\s*\)))"
+)
+"""A name that is given a value, or a call with one number."""
+HEX_WORDS = re.compile(r"[0-9a-fA-F\s]*")
+PLAIN = re.compile(r"[0-9a-fA-F\s,;]*")
+"""A text of nothing but digits and what stands between them."""
 BUFFER = re.compile(r"<Buffer\s+([0-9a-fA-F\s]*)>")
 
 
@@ -99,12 +138,15 @@ def read(text: str, packets: Callable[[bytes], int]) -> Pasted:
     if not lines:
         raise UsageError("there are no bytes in it")
     base, detail = _base(lines, packets)
-    chunks, last = [], Direction.UNKNOWN
+    chunks, last, known = list[Chunk](), Direction.UNKNOWN, dict[str, bytes]()
     timed = all(line.label.time is not None for line in lines)
     for line in lines:
         last = line.label.direction or last
         time = line.label.time if timed and line.label.time is not None else 0.0
-        data = b"".join(_bytes(word, base, line.number) for word in line.words)
+        for word in line.words:
+            if word not in known:
+                known[word] = _bytes(word, base, line.number)
+        data = b"".join([known[word] for word in line.words])
         chunks.append(Chunk(time, last, data))
     if any(line.labelled for line in lines):
         kept = [name for name, there in (("times", timed), ("directions", _directed(chunks))) if there]
@@ -135,9 +177,15 @@ def _ordered(chunks: Sequence[Chunk], how: str, detail: str, *, timed: bool) -> 
 
 def _lines(text: str) -> list[_Line]:
     """Take the words that are to be bytes out of each line, and what stands before them."""
+    if PLAIN.fullmatch(text):  # much of it, perhaps: nothing to leave out
+        split = ((number, tuple(SEPARATORS.split(line))) for number, line in enumerate(text.split("\n"), 1))
+        filled = ((number, tuple(word for word in words if word)) for number, words in split)
+        return [_Line(number, Label(), words, False, False) for number, words in filled if words]
+    text = TYPES.sub(" ", TWICE.sub(_once, TRACED.sub(_traced, text)))
     text = BUFFER.sub(r" \1 ", COUNTED.sub(" ", SYMBOLS.sub(" ", OF_HEX.sub(_of_hex, text))))
     text = COMMENT.sub(lambda found: "\n" * found[0].count("\n"), STRING.sub(_unquoted, text))
     raws = text.split("\n")
+    _one_name(raws)
     lines, above = [], Label()
     for number, (raw, line) in enumerate(zip(raws, without_numbers(raws), strict=True), 1):
         if offset := OFFSET.match(raw):
@@ -149,6 +197,14 @@ def _lines(text: str) -> list[_Line]:
             continue
         label, rest = strip_label(line)
         labelled = rest != raw.strip() or above != Label()
+        if number_before := NUMBERED.match(rest):
+            counted = rest[number_before.end() :]
+            if not labelled or number_before[1] != str(len(SEPARATORS.split(counted.strip()))):
+                raise UsageError(
+                    f"line {number}: {number_before[1] + ':'!r} may be a number before the bytes or one of them; leave "
+                    "it out, or the colon"
+                )
+            rest = counted
         if above != Label():
             label = replace(
                 label,
@@ -158,11 +214,60 @@ def _lines(text: str) -> list[_Line]:
         if re.search(r"[=\[({]", rest):
             rest = CALL.sub(_left_out, ASSIGNED.sub(_left_out, CAST.sub(" ", rest)))
         coded = bool(re.search(r"[{}()\[\]]", rest))
-        rest = re.sub(r"\\[xX]([0-9a-fA-F]{1,2})", r" 0x\1 ", rest)
-        words = tuple(part for word in SEPARATORS.split(rest) for part in _parts(word))
+        if "\\" in rest:
+            rest = _escapes(rest, number)
+        words = tuple(rest.split()) if HEX_WORDS.fullmatch(rest) else _words(rest)
         if words:
             lines.append(_Line(number, label, words, labelled, coded))
     return lines
+
+
+def _words(rest: str) -> tuple[str, ...]:
+    return tuple(part for word in SEPARATORS.split(rest) for part in _parts(word))
+
+
+def _escapes(rest: str, number: int) -> str:
+    """Read the inside of a string of bytes that lost its quotes."""
+    if BLANK_IN_STRING.search(rest):
+        raise UsageError(f"line {number}: a blank between bytes as \\xFF may be a byte itself; put quotes round them")
+
+    def literal(found: re.Match[str]) -> str:
+        if not re.search(r"\\x|\\[0-7]{3}", found[0]):
+            return found[0]
+        quoted = found[0].replace('"', '\\"')
+        return "".join(f" 0x{byte:02X}" for byte in ast.literal_eval(f'b"{quoted}"')) + " "
+
+    return re.sub(r"\\[xX]([0-9a-fA-F]{1,2})", r" 0x\1 ", ESCAPED.sub(literal, rest))
+
+
+def _once(found: re.Match[str]) -> str:
+    return f" 0x{found[1]} " if int(found[1], 16) == int(found[2]) else found[0]
+
+
+def _traced(found: re.Match[str]) -> str:
+    if found[3]:
+        raise UsageError(f"{found[0]:.{LONGEST_WORD}} is cut off; run strace with -s 1000")
+    return f" {'TX' if found[1] == 'write' else 'RX'}: {found[2]} "
+
+
+def _one_name(lines: Sequence[str]) -> None:
+    """Refuse numbers that a program gives to other names, or in other calls, than the bytes: id = 1, delay(10)."""
+    single: dict[str, int] = {}
+    names: dict[str, int] = {}
+    for number, line in enumerate(lines, 1):
+        if "=" not in line and "(" not in line:
+            continue
+        given = [*GIVEN.finditer(line)]
+        for one in given:
+            name = re.sub(r"\d+$", "", re.split(r"\W", one[1].strip())[-1])
+            names.setdefault(name, number)
+            if len(given) > 1 or re.match(r"\s*-?\w+\s*(?:[;,)].*)?$", line[one.end() :]):
+                single.setdefault(name, number)
+    if single and len(names) > 1 and not all(direction_of(name) and name not in ("from", "to") for name in names):
+        odd = next(iter(single))
+        raise UsageError(
+            f"line {single[odd]}: {_short(odd)} is one name of several ({', '.join(names)}); keep only what is bytes"
+        )
 
 
 def _of_hex(found: re.Match[str]) -> str:
@@ -206,11 +311,15 @@ def _parts(word: str) -> list[str]:
 
 def _base(lines: Sequence[_Line], packets: Callable[[bytes], int]) -> tuple[str, str]:
     """Tell what the digits mean, the same for all words, and how that is known if they leave it open."""
+    seen: set[str] = set()
     for line in lines:
         for word in line.words:
+            if word in seen:
+                continue
+            seen.add(word)
             if not BARE.fullmatch(word) and not EXPLICIT.fullmatch(word):
                 raise UsageError(f"line {line.number}: {_short(word)} is no byte; text is not read as bytes")
-    words = [word for line in lines for word in line.words]
+    words = {word: None for line in lines for word in line.words}
     if all(BITS.fullmatch(word) for word in words):
         return BINARY, ""
     bare = [word for word in words if BARE.fullmatch(word)]
@@ -254,7 +363,7 @@ def _bytes(word: str, base: str, line: int) -> bytes:
         return _hex(digits, word, line)
     if base == HEX:
         return _hex(word, word, line)
-    value = int(word) if re.fullmatch("-?[0-9]{1,9}", word) else 256
+    value = int(word) if re.fullmatch("-?[0-9]{1,3}", word) else 256
     low, high = (-128, 127) if base == SIGNED else (0, 255)
     if not low <= value <= high:
         raise UsageError(f"line {line}: {_short(word)} is no byte: the others are {base}, {low} to {high}")

@@ -6,6 +6,7 @@ else; what is left over is then read as damaged packets, of the family that is l
 """
 
 import math
+import re
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -53,6 +54,8 @@ class Stream:
         """s: when the last bytes came."""
         self._families, self._preferred = families, preferred
         self._headers = tuple(dict.fromkeys(family.framing.header for family in families))
+        # One search for all of them ends at the first; one for each would go to the end for those that never come.
+        self._header = re.compile(b"|".join(map(re.escape, self._headers)))
         self._longest = max(family.framing.max_size for family in families)
         self._marks: deque[Mark] = deque()
         self._buffer = bytearray()
@@ -111,9 +114,8 @@ class Stream:
     def _next_header(self, start: int, *, ended: bool) -> int | None:
         """Find where a packet may begin; None, with all looked at, if there is no such place."""
         buffer = self._buffer
-        found = [at for header in self._headers if (at := buffer.find(header, start)) >= 0]
-        if found:
-            return min(found)
+        if found := self._header.search(buffer, start):
+            return found.start()
         half = not ended and buffer and any(buffer[-1] == header[0] for header in self._headers)
         self._looked = max(start, len(buffer) - 1) if half else len(buffer)
         return None
@@ -165,8 +167,8 @@ class Stream:
         return pieces
 
     def _next_left(self, start: int) -> int | None:
-        found = [at for header in self._headers if (at := self._buffer.find(header, start, self._looked)) >= 0]
-        return min(found, default=None)
+        found = self._header.search(self._buffer, start, self._looked)
+        return None if found is None else found.start()
 
     def _damaged_at(self, at: int) -> tuple[Family, Corrupt] | None:
         """Give the damaged packet that begins here and ends before the next good one, in its likeliest reading."""

@@ -266,3 +266,10 @@ def test_N16_every_speed_of_set_baud_is_found_by_a_wide_scan(run: Run, load: Cal
 
 def test_T7_the_lx16a_has_its_speed_already(run: Run) -> None:
     assert run("set-baud", LX, 1, 115_200).stdout == "LX-16A id 1 talks at 115200 baud already\n"
+
+
+def test_T4_a_backup_that_an_editor_saved_with_a_byte_order_mark_is_read(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "elbow.toml"
+    run("backup", RX, 1, path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert "has these settings already" in run("restore", RX, 1, path, "--yes").stdout

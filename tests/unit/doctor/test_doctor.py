@@ -426,3 +426,14 @@ class TestNoise:
     def test_T10_a_servo_for_another_supply_is_judged_by_its_own_limits(self) -> None:
         # A high-voltage servo of the LX series at three cells; the protocol takes limits up to 12 V (point 12).
         assert told(visit("lx16a@1?clock=virtual&voltage=11.1"))["voltage"].level is Severity.OK
+
+
+def test_N15_nobody_is_to_be_ended_who_uses_what_is_no_port(tmp_path: Path) -> None:
+    plain = tmp_path / "notes.txt"
+    plain.write_text("nothing")
+    with plain.open() as held:
+        assert not held.closed
+        for port in ("/dev/null", str(plain)):
+            said = list(check_system(port))
+            assert said
+            assert not any("kill" in str(finding) for finding in said)

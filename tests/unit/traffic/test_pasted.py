@@ -318,3 +318,66 @@ def test_T5_sigrok_and_pulseview() -> None:
 def test_T5_letters_of_sigrok_are_refused() -> None:
     with pytest.raises(UsageError, match=r"line 2: 'A\?' is no byte in sigrok UART annotations.*format=hex"):
         pasted("uart-1: rx-data: [FF]\n".replace("[FF]", "FF") + "uart-1: rx-data: A?\n")
+
+
+# What people paste besides: nothing of it is taken for a byte that is none
+
+
+@pytest.mark.parametrize(
+    ("text", "data"),
+    [
+        ("packet[0]: 255\npacket[1]: 255\npacket[2]: 1\npacket[3]: 2\npacket[4]: 1\npacket[5]: 251\n", PING),
+        ("rx len=6 data=FF FF 01 02 00 FC", PONG),
+        ("[TX] 6: FF FF 01 02 01 FB", PING),
+        ("Uint8Array(6) [ 255, 255, 1, 2, 1, 251 ]", PING),
+        ("byte[] b = new byte[6] {0xFF, 0xFF, 1, 2, 1, 0xFB};", PING),
+        ("array('B', [255, 255, 1, 2, 1, 251])", PING),
+        ("array([255, 255,   1,   2,   1, 251], dtype=uint8)", PING),
+        ("std::array<uint8_t, 6> p = {0xFF, 0xFF, 0x01, 0x02, 0x01, 0xFB};", PING),
+        ("let p: [u8; 6] = [0xff, 0xff, 0x01, 0x02, 0x01, 0xfb];", PING),
+        ("vec![255u8, 255, 1, 2, 1, 251]", PING),
+        ("#define PING {0xFF, 0xFF, 0x01, 0x02, 0x01, 0xFB}", PING),
+        ("```c\n{0xFF, 0xFF, 1, 2, 1, 0xFB}\n```", PING),
+        ("0xff (255) 0x01 (1)", b"\xff\x01"),
+        ("29/11/2026 12:01:02.123 [TX] - FF FF 01 02 01 FB", PING),
+        ("[09:00:01:234] FF FF 01 02 01 FB", PING),
+        (r"echo -ne '\xff\xff\x01\x02\x01\xfb' > /dev/ttyUSB0", PING),
+        (r"\377\377\001\002\001\373", PING),
+        (r"\xff\xff\x01\x04\x02$\x02\xd2", READ),
+        (r"b'\xff\xff\x01\x04\x02$' + b'\x02\xd2'", READ),
+        ('"\\xff\\xff\\x01\\x04" \\\n"\\x02$\\x02\\xd2"', READ),
+        (r'write(3, "\377\377\1\2\1\373", 6)         = 6', PING),
+        ("0000  ff ff 01 04 02 24 02 d2                           .....$..", READ),
+        ("0000000  ff  ff  01  02  01  fb\n0000006\n", PING),
+        ("0000000    ff  ff  01  02  01  fb\n0000006\n", PING),
+    ],
+)  # fmt: skip
+def test_T5_more_ways_of_writing_bytes(text: str, data: bytes) -> None:
+    assert pasted(text).data == data
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("Send FF FF 01 02 01 FB -> recv FF FF 01 02 00 FC", "'->' is no byte"),
+        ("int id = 1;\nuint8_t p[] = {0xFF, 0xFF};", "line 1: 'id' is one name of several (id, p)"),
+        ("Serial.write(0xFF);\ndelay(10);\nSerial.write(0x01);", "one name of several"),
+        (" length=6 from=0 to=5\n ff ff 01 02 01 fb", "line 1: 'from' is one name of several"),
+        ("6: FF FF 01 02 01 FB", "line 1: '6:' may be a number before the bytes"),
+        ("[TX] 5: FF FF 01 02 01 FB", "line 1: '5:' may be a number before the bytes"),
+        (r"\xff\xff\x01\x04\x02 \x02\xd2", "a blank between bytes as \\xFF may be a byte itself"),
+        ('write(3, "\\377\\377"..., 60) = 60', "is cut off; run strace with -s 1000"),
+        ("0000000 255 255   1   2   1 251\n0000006\n", "'0000000' is no byte"),
+        ("00000000: 11111111 11111111 00000001  ...", "this dump is of bits"),
+        ("0000:0000  ff ff 01 02 01 fb", "'0000:0000' looks like an offset"),
+    ],
+)
+def test_T5_numbers_that_may_be_no_bytes_are_refused(text: str, why: str) -> None:
+    with pytest.raises(UsageError) as refused:
+        pasted(text)
+    assert why in str(refused.value)
+
+
+def test_T5_what_strace_shows_has_directions() -> None:
+    text = '[pid 12] write(3, "\\377\\377\\1\\2\\1\\373", 6) = 6\n[pid 12] read(3, "\\377\\377\\1\\2\\0\\374", 6) = 6'
+    assert lines(text) == [(0.0, ">", PING), (0.0, "<", PONG)]

@@ -17,7 +17,7 @@ from servobus.virtual.device.servo import VirtualServo, firmware, virtual_servo
 from servobus.virtual.physics.motor import Load
 from servobus.virtual.serve.inprocess import VirtualPort, connect
 from servobus.virtual.serve.rig import build_rig
-from servobus.virtual.serve.spec import Group, Setup, parse_specs
+from servobus.virtual.serve.spec import Group, Setup, parse_specs, parse_url
 
 DECISIONS = Path(__file__).parents[3] / "docs" / "decisions.md"
 SIMULATED = {key: model for key, model in MODELS.items() if model.firmware}
@@ -457,3 +457,22 @@ def moved(port: VirtualPort, real: VirtualServo, here: float) -> bool:
     port.sleep(1.0)
     port.servos  # noqa: B018 - brings them up to date
     return abs(real.position - here) > 1 * deg
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "virtual:rx28@1,goal_torque=off,goal_torque=on",
+        "virtual:rx28@1?baud=115200&baud=57600",
+        "virtual:rx28@1?goal_torque=off&goal_torque=on",
+        "virtual:rx28@1?as=manual&as=practice",
+    ],
+)
+def test_P1_what_is_said_twice_is_refused(text: str) -> None:
+    with pytest.raises(UsageError, match=r"says \w+ twice"):
+        parse_url(text)
+
+
+def test_P1_a_speed_that_is_no_number_is_named() -> None:
+    with pytest.raises(UsageError, match="'abc' is no speed; write it as a number such as 115200"):
+        parse_url("virtual:rx28@1?baud=abc")

@@ -193,6 +193,8 @@ def parse_specs(text: str) -> Servos:
             raise UsageError(f"{text!r} names no servos; write MODEL@IDS, such as {EXAMPLE}")
         last = servos[-1]
         if equals:
+            if option in last.options:
+                raise UsageError(f"{text!r} says {option} twice of the same servos; leave one out")
             servos[-1] = last._replace(options={**last.options, option: value})
         else:
             last.ids.extend(parse_range(ids, text))
@@ -205,6 +207,8 @@ def parse_url(text: str) -> Setup:
     surroundings: dict[str, Any] = {}
     options: dict[str, str] = {}
     for name, value in parse_qsl(query, keep_blank_values=True):
+        if name in options or SURROUNDINGS.get(name) in surroundings:
+            raise UsageError(f"{text!r} says {name} twice; leave one out")
         if name not in SURROUNDINGS:
             options[name] = value
             continue
@@ -237,6 +241,8 @@ def _surrounding(name: str, value: str) -> object:
         case "echo":
             return Switch().parse(value)
         case "baud":
+            if not re.fullmatch("[0-9]{1,9}", value):
+                raise ValueError(f"{value!r} is no speed; write it as a number such as 115200")
             return int(value)
         case "voltage":
             return parse(value, "V")
