@@ -9,6 +9,8 @@ one. A value is
     right     what the servo held while it was asked
     provable  not that, but a fault altered the reply within this very transaction, and the bytes that came hold a
               packet with this value whose id, command, length and checksum fit: nobody could have known
+    late      not that, but a reply that another had overtaken was under way, and it was told with one of the next
+              exchanges (DuplicateId); only in the mixes where replies overtake each other, which no adapter does
     WRONG     anything else
 
 A write that was acknowledged and is not there is wrong too. A transaction of more than 5 s hangs, by the servos' clock
@@ -50,6 +52,8 @@ HANGS = 5.0
 """s of the servos' clock."""
 STUCK = 300.0
 """s of this computer's clock for one chunk, which takes one or two."""
+TELLS = 40
+"""Exchanges after a value that was overtaken in which that must be told."""
 REPEATS = 8
 """Troubles that are printed; all are counted."""
 
@@ -74,15 +78,15 @@ COMMON = (
     "stall=0.003,glue=0.003,twin=0.003,echo@part=0.002,echo@bad=0.002"
 )
 MIXES = (
-    # Options of the port, faults.
-    ("", f"{COMMON},echo@full=0.002"),
-    ("", f"{COMMON},reboot=0.001,unplug=0.0005:80ms,gone=0.0005:5ms,gone@write=0.0005:5ms,jitter=3ms"),
-    ("echo=on", f"{COMMON},echo@none=0.002"),
-    ("", f"{COMMON},latency=16ms,jitter=8ms,skew@2=2%"),
-    ("", "drop=0.1,flip=0.1,pair=0.1,junk=0.1,split=0.1:20ms,mute=0.1,stall=0.05,glue=0.05,stranger=0.1"),
-    ("", "stall=0.1:120ms,stall=0.1:12ms,glue=0.1:50ms,mute=0.1,deaf=0.1"),
-    ("", f"{COMMON},late=0.005,late=0.005:3ms"),  # replies that others overtake, which no adapter does
-    ("", "late=0.3:20ms,mute=0.02"),
+    # Options of the port, faults, whether replies may overtake each other.
+    ("", f"{COMMON},echo@full=0.002", False),
+    ("", f"{COMMON},reboot=0.001,unplug=0.0005:80ms,gone=0.0005:5ms,gone@write=0.0005:5ms,jitter=3ms", False),
+    ("echo=on", f"{COMMON},echo@none=0.002", False),
+    ("", f"{COMMON},latency=16ms,jitter=8ms,skew@2=2%", False),
+    ("", "drop=0.1,flip=0.1,pair=0.1,junk=0.1,split=0.1:20ms,mute=0.1,stall=0.05,glue=0.05,stranger=0.1", False),
+    ("", "stall=0.1:120ms,stall=0.1:12ms,glue=0.1:50ms,mute=0.1,deaf=0.1", False),
+    ("", f"{COMMON},late=0.005,late=0.005:3ms", True),
+    ("", "late=0.3:20ms,mute=0.02", True),
 )
 
 
@@ -96,6 +100,7 @@ class ServoTraffic:
     """Writes that nobody acknowledges: whether they arrived is not said."""
     provable: Counter[str] = field(default_factory=Counter)
     """Kinds of fault -> wrong values with a checksum that fits."""
+    late: int = 0
     wrong: int = 0
     hung: int = 0
     errors: Counter[str] = field(default_factory=Counter)
@@ -106,7 +111,7 @@ class ServoTraffic:
     troubles: list[str] = field(default_factory=list)
 
     def __iadd__(self, other: "ServoTraffic") -> Self:
-        for name in ("transactions", "right", "unknown", "wrong", "hung"):
+        for name in ("transactions", "right", "unknown", "late", "wrong", "hung"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         for name in ("provable", "errors", "faults"):
             getattr(self, name).update(getattr(other, name))
@@ -129,6 +134,15 @@ class Tapped(VirtualPort):
         return data
 
 
+@dataclass(slots=True)
+class Doubt:
+    """A wrong value that must be told of within the next exchanges."""
+
+    text: str
+    doubled: int
+    left: int = TELLS
+
+
 class Chunk:
     """A bus of three servos, and what is asked of them; the same each time."""
 
@@ -138,7 +152,7 @@ class Chunk:
         kinds = len(MODELS)
         key = list(MODELS)[number % kinds]
         self.asynchronous = number // kinds % 2 == 1
-        options, faults = MIXES[number // (2 * kinds) % len(MIXES)]
+        options, faults, self.overtaking = MIXES[number // (2 * kinds) % len(MIXES)]
         url = f"virtual:{key}@{IDS[0]}-{IDS[-1]}?clock=virtual&{options}".rstrip("&")
         self.port = Tapped(url, build_rig(parse_url(url)), real=False)
         self.reals: list[VirtualServo] = self.port.rig.servos
@@ -154,10 +168,13 @@ class Chunk:
             self.bus.attach(self.model, real.id, answers=level).target.record.most = None  # nothing wears out here
         self.port.inject(f"seed={self.random.randrange(10**6)},{faults}")
         self.tally = ServoTraffic()
+        self.doubt: Doubt | None = None
 
     async def run(self, transactions: int) -> ServoTraffic:
         for number in range(transactions):
             await self._transaction(number)
+        if self.doubt is not None:
+            self._wrong(self.doubt.text)
         self.tally.faults.update(self.port.rig.fault_counts)
         total = self.bus.stats.total
         self.tally.stats = {name: getattr(total, name) for name in COLUMNS}
@@ -190,6 +207,7 @@ class Chunk:
             self._tell(f"{what}: took {took:.1f} s")
         if values is not None:
             self._judge(what, real, names, before, wanted, values, started)
+        self._watch_doubt()
 
     def _turn(self, real: VirtualServo) -> int:
         """Turn the shaft to another place by hand; give what its sensor tells there."""
@@ -208,7 +226,9 @@ class Chunk:
             return (name,), {}
         if dice < 0.8:
             return BLOCKS[self.family], {}
-        return (name,), {name: rng.randint(*self.model.register(name).limits)}
+        low, high = self.model.register(name).limits
+        # A torque limit of 0 is a servo that has shut down: only `rearm` gives it another.
+        return (name,), {name: rng.randint(low + (name == "torque_limit"), high)}
 
     async def _carry_out(self, id: int, names: tuple[str, ...], wanted: dict[str, int]) -> list[int]:
         rows = [self.model.register(name) for name in names]
@@ -261,8 +281,27 @@ class Chunk:
             self.tally.provable["+".join(sorted(altering))] += 1
         elif wanted and kinds & {"reboot", "unplug"}:
             self.tally.right += 1  # it was there, and then the supply broke down
+        elif self.overtaking and self.doubt is None:
+            self.doubt = Doubt(what, self._doubled())
         else:
             self._wrong(what)
+
+    def _watch_doubt(self) -> None:
+        """See to it that a value which was overtaken is told of."""
+        doubt = self.doubt
+        if doubt is None:
+            return
+        doubt.left -= 1
+        if self._doubled() > doubt.doubled:
+            self.tally.late += 1
+            self.doubt = None
+        elif doubt.left < 0:
+            self._wrong(doubt.text)
+            self.doubt = None
+
+    def _doubled(self) -> int:
+        counts = self.bus.stats.total
+        return int(counts.doubled + counts.strangers)
 
     def _wrong(self, text: str) -> None:
         self.tally.wrong += 1
@@ -349,6 +388,7 @@ def show(total: ServoTraffic, took: float) -> None:
     print(f"unacknowledged  {total.unknown:>9}   writes that nothing answers")
     print(f"exceptions      {total.errors.total():>9}   {_listed(total.errors)}")
     print(f"provable        {total.provable.total():>9}   wrong, and the checksum fits: {_listed(total.provable)}")
+    print(f"late            {total.late:>9}   overtaken, and told with one of the next exchanges")
     print(f"WRONG           {total.wrong:>9}")
     print(f"hung            {total.hung:>9}   the longest took {total.longest:.2f} s of the servos' time")
     print(f"faults          {total.faults.total():>9}   {_listed(total.faults)}")

@@ -29,7 +29,7 @@ def tell(wire: Wire, command: Command, data: str) -> None:
 def position(wire: Wire) -> int:
     """Ask for the position, in units of 0.24 degrees."""
     reply = wire.say(FRAMING.frame(Packet(1, Command.SERVO_POS_READ, b"")), listen=0.002)
-    assert reply, "it did not answer within 2 ms"
+    assert reply.bytes, "it did not answer within 2 ms"
     return int.from_bytes(reply.bytes[5:7], "little", signed=True)
 
 

@@ -46,7 +46,7 @@ def bus_on(port: VirtualPort, driver: str) -> Any:
 @DRIVERS
 @one_model_of_each_family
 @pytest.mark.parametrize("delay", DELAYS)
-def test_T8_a_scan_finds_all(key: str, delay: str, driver: str) -> None:
+def test_F11_T8_a_scan_finds_all(key: str, delay: str, driver: str) -> None:
     """Few ids or all, the servo first or last, alone or among others."""
     for servos, ids in (
         (f"{key}@1-4", range(8)),
@@ -75,7 +75,7 @@ def test_T8_a_scan_finds_all_families(delay: str, driver: str) -> None:
 @DRIVERS
 @one_model_of_each_family
 @pytest.mark.parametrize("delay", DELAYS)
-def test_T8_one_servo_is_found_and_read(key: str, delay: str, driver: str) -> None:
+def test_F11_T8_one_servo_is_found_and_read(key: str, delay: str, driver: str) -> None:
     port = late_port(f"{key}@5", delay)
     bus = bus_on(port, driver)
     servo = call(bus.find(5))

@@ -5,7 +5,8 @@ for the new one. An adapter or a computer that stalled delivers all at once, but
 question, the replies to all that it was asked before have come by then, or never will.
 
 That is so of adapters; a network or a servo could let the answer to a later question go first. Nothing in a packet
-tells that. So a reply that has been overtaken is still feared for a while, its horizon.
+tells that. So where a reply was seen to come after later ones, one that has been overtaken is feared for a while, its
+horizon: each reply that is lost then costs that much. Where none was, a lost reply costs no more than its time-out.
 """
 
 from collections.abc import Sequence
@@ -18,9 +19,8 @@ from servobus.core.values import frozen, replace
 SLOWEST = 2.0
 """s; assumption: no servo answers later than this, whatever it does. Adapters may, but in order."""
 
-OVERTAKEN = 0.1
-"""s after it was given up for which a reply is feared that another one has overtaken; assumption, until a later one is
-seen to come."""
+OVERTAKEN = 0.0
+"""s after it was given up for which a reply is feared that another one has overtaken, until one is seen to come."""
 
 Sender: TypeAlias = tuple[Framing, int | None]
 """Servo that a reply comes from: two families may share a line, and the same id is then two servos."""

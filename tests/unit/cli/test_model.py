@@ -92,4 +92,6 @@ def test_help_names_the_families(run: Run) -> None:
         said = " ".join(run(verb, "--help").stdout.split())
         assert "Look only for dynamixel, herkulex or lewansoul servos." in said
         assert "--model MODEL" in said
-    assert "dynamixel, herkulex or lewansoul; else what fits best." in " ".join(run("decode", "--help").stdout.split())
+    assert "dynamixel, herkulex or lewansoul; else all of them are looked for." in " ".join(
+        run("decode", "--help").stdout.split()
+    )

@@ -88,7 +88,7 @@ def test_M5_what_it_gives_is_told_for_each_kind_of_bus() -> None:
 def test_M5_the_whole_help_of_a_class_names_every_operation() -> None:
     for kind in CLASSES:
         text = pydoc.plain(pydoc.render_doc(kind))
-        assert all(f"{name}(self" in text for name in operations(kind))
+        assert all(f"{name}(self" in text for name in operations(kind) if not name.startswith("_"))
 
 
 def test_an_operation_can_be_called_on_the_class_as_any_method() -> None:

@@ -94,7 +94,7 @@ def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path: Path, monkeyp
 
 class TestTap:
     def test_times_and_directions(self) -> None:
-        port = connect("virtual:rx28@1?clock=virtual")
+        port = connect("virtual:rx28@1?clock=virtual&answer_time=off")
         port.set_baud(57_600)
         port.sleep(5.0)  # the clock of a tap begins when it is made
         told: list[Entry] = []
