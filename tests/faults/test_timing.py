@@ -211,9 +211,10 @@ def test_F10_a_write_is_awaited_only_where_an_answer_can_come(key: str, answers:
     """A write takes its bits where nothing answers it, and its answer's bits and delay where something does."""
     rig = FaultRig(key, driver, ids="1", answers=answers, settle=False, echo=False)
     rig.inject(None)
-    light = next(row for name in ("led", "led_control") if (row := rig.model.registers.get(name)))
+    torque = {rig.model.register("torque_enable"): 0}
     start = rig.port.now()
-    rig.do(lambda bus: bus[1].write_raw({light: 0}))
+    # As it is: torque that is written off is made sure of with a read.
+    rig.do(lambda bus: bus.do(rig.model.family.put(bus[1].target, torque, keep=False)))
     (request,) = rig.port.sent
     took = rig.port.now() - start
     bits = 10 * len(request) / rig.port.baud
