@@ -6,6 +6,7 @@ from contextlib import contextmanager
 import pytest
 
 import servobus
+from clients.conftest import Servers
 from servobus.core.units import deg
 from servobus.families.registry import LX16A, RX28
 
@@ -43,11 +44,12 @@ def test_a_port_that_gives_back_what_is_sent(serve: Serve) -> None:
             assert servo.read(LX16A.present_position) == pytest.approx(150 * deg)
 
 
-def test_servos_that_remember(serve: Serve, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_servos_that_remember(serve: Servers, tmp_path_factory: pytest.TempPathFactory) -> None:
     state = str(tmp_path_factory.mktemp("state") / "arm.json")
     with opened(serve("lx16a@7", "--state", state)) as bus:
         bus.find(7, family=LX16A.family).change_id(8)
         bus[8].write(LX16A.max_temperature, 70.0)
         assert bus[8].read(LX16A.max_temperature) == 70.0
+    serve.end()  # a state file belongs to one server at a time
     with opened(serve("lx16a@7", "--state", state)) as bus:
         assert bus.find(8, family=LX16A.family).read(LX16A.max_temperature) == 70.0
