@@ -198,6 +198,7 @@ class HerkulexSample(Sample):
     speeds = (500_000, 57_600, 115_200)  # 4-2 NO 5
     asking = frozenset({0x02, 0x04, 0x07})  # EEP_READ, RAM_READ, STAT (5-1)
     on = 0x60  # 4-2 NO 47
+    stops_of_torque_on = 3  # in case the servo kept its goal
     acknowledges_level = False  # by the old policy or by the new one is an assumption (H-30)
     hot, hot_word, flat = 0x04, "temperature", 0x01  # 4-2 NO 43
     pairs = (0x4155, 5356, 48)

@@ -268,8 +268,16 @@ def test_N8_a_bus_that_is_closed_gives_the_signals_back(arm: Arm, free_handlers:
         assert [signal.getsignal(number) for number in signals.ENDING] == [signal.SIG_DFL] * 3
 
 
+@pytest.fixture
+def hears_ctrl_c() -> Iterator[None]:
+    """Let this process hear Ctrl-C, which a job in the background of a shell ignores."""
+    old = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, old)
+
+
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_N7_ctrl_c_during_an_ordinary_stop_comes_out_behind_it(count: int) -> None:
+def test_N7_ctrl_c_during_an_ordinary_stop_comes_out_behind_it(count: int, hears_ctrl_c: None) -> None:
     with servobus.open("virtual:lx16a@1-3?clock=virtual") as bus:
         port: Any = bus.transport
         for id in (1, 2, 3):
