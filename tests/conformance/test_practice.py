@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from conformance.wire import Reply, Wire
+from conformance.wire import Reply, Wire, dxl, lx
 from servobus.core.units import deg
 from servobus.families.registry import DRS0602, LX16A, RX28
 from servobus.virtual.device.options import Reading
@@ -16,18 +16,6 @@ from servobus.virtual.wire.uart import ReceivedBytes
 
 UNIT = 300 * deg / 1023
 """Of an RX-28."""
-
-
-def lx(text: str) -> bytes:
-    """Give the bytes of a packet to LewanSoul servos: id, length, command and parameters in hex."""
-    body = bytes.fromhex(text)
-    return b"\x55\x55" + body + bytes([~sum(body) & 0xFF])
-
-
-def dxl(text: str) -> bytes:
-    """Give the bytes of a packet of Dynamixel protocol 1.0: id, length, code and parameters in hex."""
-    body = bytes.fromhex(text)
-    return b"\xff\xff" + body + bytes([~sum(body) & 0xFF])
 
 
 def rx28(*ids: int, **options: Any) -> Wire:

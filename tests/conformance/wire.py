@@ -75,3 +75,15 @@ class Wire:
         for servo in self.line.servos:
             servo.power_on(self.now)
         self.line.regroup()
+
+
+def lx(text: str) -> bytes:
+    """Give the bytes of a packet to LewanSoul servos: id, length, command and parameters in hex."""
+    body = bytes.fromhex(text)
+    return b"\x55\x55" + body + bytes([~sum(body) & 0xFF])
+
+
+def dxl(text: str) -> bytes:
+    """Give the bytes of a packet of Dynamixel protocol 1.0: id, length, code and parameters in hex."""
+    body = bytes.fromhex(text)
+    return b"\xff\xff" + body + bytes([~sum(body) & 0xFF])

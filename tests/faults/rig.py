@@ -1,12 +1,11 @@
 """Servos whose truth is known, on a line that goes wrong, behind either driver."""
 
-import asyncio
-from collections.abc import Awaitable, Callable
-from inspect import isawaitable
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
+from drivers import result_of
 from samples import answer_levels, can_be_silenced, goal_range, sample_of
 from servobus import MODELS, Bus, BusError
 from servobus.bus.asyncio import AsyncBus
@@ -84,12 +83,7 @@ class FaultRig:
 
     def do(self, job: Callable[..., Any], *arguments: Any) -> Any:
         """Carry out a job on the bus, whichever driver it is; the arguments follow the bus."""
-
-        async def wait(done: Awaitable[Any]) -> Any:
-            return await done
-
-        done = job(self.bus, *arguments)
-        return asyncio.run(wait(done)) if isawaitable(done) else done
+        return result_of(job(self.bus, *arguments))
 
     def inject(self, faults: str | None) -> None:
         """Let faults happen from now on, and count requests and replies from 1 on."""

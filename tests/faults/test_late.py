@@ -1,13 +1,12 @@
 """Late is not silent: servos whose answers come later than they were waited for are found, and it is said (T8)."""
 
-import asyncio
 import json
 import re
-from inspect import isawaitable
 from typing import Any
 
 import pytest
 
+from drivers import result_of
 from faults.rig import DRIVERS
 from samples import goal_range, one_model_of_each_family
 from servobus import MODELS, Bus, NoReply
@@ -30,15 +29,6 @@ def late_port(servos: str, delay: str, latency: float = LATENCY) -> VirtualPort:
     return port
 
 
-def call(done: Any) -> Any:
-    """Wait for a result, where the driver gives an awaitable."""
-
-    async def wait() -> Any:
-        return await done
-
-    return asyncio.run(wait()) if isawaitable(done) else done
-
-
 def bus_on(port: VirtualPort, driver: str) -> Any:
     return (AsyncBus if driver == ASYNC else Bus)(port)
 
@@ -56,7 +46,7 @@ def test_F11_T8_a_scan_finds_all(key: str, delay: str, driver: str) -> None:
     ):
         port = late_port(servos, delay)
         bus = bus_on(port, driver)
-        found = call(bus.scan(family=MODELS[key].family, ids=ids))
+        found = result_of(bus.scan(family=MODELS[key].family, ids=ids))
         assert sorted(servo.id for servo in found) == [servo.id for servo in port.servos]
         assert not bus.survey.troubles
         assert bus.survey.late == pytest.approx(float(delay.removesuffix("ms")) / 1000, rel=0.2)
@@ -66,7 +56,7 @@ def test_F11_T8_a_scan_finds_all(key: str, delay: str, driver: str) -> None:
 @pytest.mark.parametrize("delay", DELAYS)
 def test_T8_a_scan_finds_all_families(delay: str, driver: str) -> None:
     port = late_port("rx28@1,2,drs0602@4,lx16a@7", delay)
-    found = call(bus_on(port, driver).scan(ids=range(10)))
+    found = result_of(bus_on(port, driver).scan(ids=range(10)))
     assert sorted((servo.model.key(), servo.id) for servo in found) == [
         ("drs0602", 4), ("lx16a", 7), ("rx28", 1), ("rx28", 2),
     ]  # fmt: skip
@@ -78,13 +68,13 @@ def test_T8_a_scan_finds_all_families(delay: str, driver: str) -> None:
 def test_F11_T8_one_servo_is_found_and_read(key: str, delay: str, driver: str) -> None:
     port = late_port(f"{key}@5", delay)
     bus = bus_on(port, driver)
-    servo = call(bus.find(5))
+    servo = result_of(bus.find(5))
     row = servo.model.register("present_position")
     low, high = goal_range(servo.model)
     for share in (0.3, 0.6, 0.4):
         angle = row.decode(low + round(share * (high - low)))
         port.servos[0].turn_shaft(angle)
-        assert call(servo.read(row)) == pytest.approx(angle)
+        assert result_of(servo.read(row)) == pytest.approx(angle)
 
 
 @DRIVERS
@@ -93,12 +83,12 @@ def test_T8_a_silent_line_costs_little_more(driver: str) -> None:
     port = connect("virtual:rx28@1?clock=virtual&baud=1000000")
     port.latency = LATENCY
     bus = bus_on(port, driver)
-    assert call(bus.scan(family="dynamixel", bauds=57600)) == []
+    assert result_of(bus.scan(family="dynamixel", bauds=57600)) == []
     batches = 254 / 32
     assert port.now() < 254 * 0.006 + (batches + 2) * LATENCY + LATE + 0.05
     start = port.now()
     with pytest.raises(NoReply):
-        call(bus.find(7))
+        result_of(bus.find(7))
     assert port.now() - start < 1.0
 
 
@@ -108,11 +98,11 @@ def test_T8_who_is_prompt_is_not_waited_for(driver: str) -> None:
     port = connect("virtual:rx28@1?clock=virtual")
     port.latency = LATENCY
     bus = bus_on(port, driver)
-    call(bus.scan(family="dynamixel", ids=range(4)))
+    result_of(bus.scan(family="dynamixel", ids=range(4)))
     start = port.now()
     assert bus.survey.late == 0
     with pytest.raises(NoReply):
-        call(bus.find(9, family="dynamixel"))
+        result_of(bus.find(9, family="dynamixel"))
     assert port.now() - start < LATE
 
 

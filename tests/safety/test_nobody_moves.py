@@ -4,10 +4,8 @@ They are listed from the code, so that a new one without a case here fails. Each
 firmwares, in every mode; what counts is the true shaft of the virtual servo.
 """
 
-import asyncio
 import contextlib
 import functools
-import inspect
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +14,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from drivers import result_of
 from samples import ONE_OF_EACH_FAMILY, one_model_of_each_family, turning
 from servobus import MODELS, AsyncBus, Bus, ServobusError, deg
 from servobus.bus.asyncio import AsyncBusServo
@@ -52,16 +51,6 @@ class World:
     def real(self) -> VirtualServo:
         return self.port.servos[0]
 
-    def do(self, job: Any) -> Any:
-        """Carry out what a driver gives, whichever driver it is."""
-        if not inspect.isawaitable(job):
-            return job
-
-        async def wait() -> Any:
-            return await job
-
-        return asyncio.run(wait())
-
     def settle(self) -> None:
         """Wait until the shaft rests; a torque that comes back by itself may bring it to a remembered goal."""
         for _ in range(30):
@@ -92,23 +81,23 @@ def limp(world: World) -> None:
 
 
 def holding(world: World) -> None:
-    world.do(world.servo.torque_on())
+    result_of(world.servo.torque_on())
 
 
 def outside(world: World) -> None:
-    world.do(world.servo.store({"max_position": world.real.position - 30 * deg}))
+    result_of(world.servo.store({"max_position": world.real.position - 30 * deg}))
 
 
 def turned(world: World) -> None:
     holding(world)
-    world.do(world.servo.turn(**turning(world.servo.model)))
+    result_of(world.servo.turn(**turning(world.servo.model)))
     world.port.sleep(0.1)
-    world.do(world.servo.stop())
+    result_of(world.servo.stop())
 
 
 def turned_and_limp(world: World) -> None:
     turned(world)
-    world.do(world.servo.torque_off())
+    result_of(world.servo.torque_off())
 
 
 def shut_down(world: World) -> None:
@@ -116,7 +105,7 @@ def shut_down(world: World) -> None:
     holding(world)
     world.real.temperature = 110.0
     world.port.sleep(0.3)
-    world.do(world.servo.ping())  # what an LX does about the heat it does when it is asked
+    result_of(world.servo.ping())  # what an LX does about the heat it does when it is asked
     world.port.sleep(0.3)
     if not world.real.torque:
         world.real.turn_shaft(world.real.position + 25 * deg)
@@ -161,7 +150,7 @@ def through(open: Callable[[World], Any]) -> Case:
 
 def protect_twice(world: World) -> None:
     for _ in range(2):
-        world.do(world.bus.protect())
+        result_of(world.bus.protect())
         world.port.sleep(0.2)
 
 
@@ -310,7 +299,7 @@ def test_no_method_of_the_asynchronous_driver_moves_a_servo(key: str, mode: Mode
 
 def attempt(world: World, case: Case) -> None:
     with contextlib.suppress(ServobusError):  # a refusal moves nothing either
-        world.do(case(world))
+        result_of(case(world))
 
 
 # The command line

@@ -5,7 +5,6 @@ needs real time: see tests/unit/safety/test_signals.py and the end of this file.
 """
 
 import asyncio
-import inspect
 import logging
 from collections.abc import Callable
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 import pytest
 
 import servobus
+from drivers import result_of
 from samples import can_be_silenced, has, one_model_of_each_family, other_bauds, turning
 from servobus import MODELS, BusError, StopFailed, deg
 from servobus.bus.asyncio import AsyncBus
@@ -41,19 +41,9 @@ class Scene:
     def reals(self) -> list[VirtualServo]:
         return self.port.servos
 
-    def do(self, job: Any) -> Any:
-        """Carry out what a bus gives, whichever driver it is."""
-        if not inspect.isawaitable(job):
-            return job
-
-        async def wait() -> Any:
-            return await job
-
-        return asyncio.run(wait())
-
     def torque_on(self) -> None:
-        self.do(self.bus.torque_on())
-        self.heres = [self.do(servo.look()).position for servo in self.servos]
+        result_of(self.bus.torque_on())
+        self.heres = [result_of(servo.look()).position for servo in self.servos]
 
 
 # Ways of moving
@@ -61,29 +51,29 @@ class Scene:
 
 def move(scene: Scene) -> None:
     for servo, here in zip(scene.servos, scene.heres, strict=True):
-        scene.do(servo.start_move(here + WAY, time=2.5))
+        result_of(servo.start_move(here + WAY, time=2.5))
 
 
 def fast_move(scene: Scene) -> None:
     for servo, here in zip(scene.servos, scene.heres, strict=True):
-        scene.do(servo.start_move(here + WAY, time=0.02))  # as `step`
+        result_of(servo.start_move(here + WAY, time=0.02))  # as `step`
 
 
 def group_move(scene: Scene) -> None:
     goals = dict(zip(scene.servos, (here + WAY for here in scene.heres), strict=True))
-    scene.do(scene.bus.start_move(goals, time=2.5))
+    result_of(scene.bus.start_move(goals, time=2.5))
 
 
 def turn(scene: Scene) -> None:
     for servo in scene.servos:
-        scene.do(servo.turn(**turning(scene.model)))
+        result_of(servo.turn(**turning(scene.model)))
 
 
 def stream(scene: Scene) -> None:
     cycle = scene.bus.cycle(read=["present_position"], time=1.0)
     for step in range(1, 6):
         goals = dict(zip(scene.servos, (here + WAY * step / 5 for here in scene.heres), strict=True))
-        scene.do(cycle.run(goals))
+        result_of(cycle.run(goals))
         scene.port.sleep(0.02)
 
 
@@ -97,7 +87,7 @@ def raw_goal(scene: Scene) -> None:
         values: dict[Any, float] = {row: here + WAY}
         if has(scene.model, "goal_time"):
             values["goal_time"] = 2.5
-        scene.do(servo.write_many(values))
+        result_of(servo.write_many(values))
 
 
 WAYS: list[Callable[[Scene], None]] = [move, fast_move, group_move, turn, stream, raw_goal]
@@ -165,7 +155,7 @@ def silent(scene: Scene) -> None:
     if can_be_silenced(scene.model):
         row = scene.model.register("answer_level")
         for servo in scene.servos:
-            scene.do(servo.write_raw({row: Answers.NOTHING}))
+            result_of(servo.write_raw({row: Answers.NOTHING}))
 
 
 def other_speed(scene: Scene) -> None:
@@ -195,7 +185,7 @@ def stop_each(scene: Scene) -> str:
     said = ""
     for servo in scene.servos:
         try:
-            scene.do(servo.stop())
+            result_of(servo.stop())
         except BusError as error:
             said += f"{servo.target} may still move: {error}"
     return said
@@ -203,19 +193,19 @@ def stop_each(scene: Scene) -> str:
 
 def stop_bus(scene: Scene) -> str:
     try:
-        scene.do(scene.bus.stop())
+        result_of(scene.bus.stop())
     except StopFailed as error:
         return str(error)
     return ""
 
 
 def make_safe(scene: Scene) -> str:
-    scene.do(scene.bus.make_safe())
+    result_of(scene.bus.make_safe())
     return ""
 
 
 def free(scene: Scene) -> str:
-    scene.do(scene.bus.make_safe("free"))
+    result_of(scene.bus.make_safe("free"))
     return ""
 
 

@@ -422,8 +422,7 @@ class BaseBus(Closed, Generic[S]):
             except BusError as error:
                 failures[servo] = error
         if failures:
-            said = "; ".join(f"{servo.target} may still move: {why}" for servo, why in failures.items())
-            raise StopFailed(said, failures, {})
+            raise _stop_failed(failures, {})
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -466,9 +465,7 @@ class BaseBus(Closed, Generic[S]):
             else:
                 failures[servo] = outcome
         if failures:
-            names = {key: str(key.target) if isinstance(key, Servo) else f"id {key}" for key in failures}
-            said = "; ".join(f"{names[key]} may still move: {why}" for key, why in failures.items())
-            raise StopFailed(said, failures, ByServo(done))
+            raise _stop_failed(failures, ByServo(done))
         return ByServo(done)
 
     @bus_method
@@ -644,3 +641,10 @@ class BaseBus(Closed, Generic[S]):
         for servo in self._servos:
             if servo.id == packet.id and servo.baud == baud and servo.family.framing is exchange.framing:
                 self._servos.note_alarms(servo, exchange.alarms(packet))
+
+
+def _stop_failed(failures: Mapping[Any, Exception], stopped: Mapping[Any, StopOutcome]) -> StopFailed:
+    """Give the error for servos, or ids that no known servo has, that may still move."""
+    names = {key: str(key.target) if isinstance(key, Servo) else f"id {key}" for key in failures}
+    said = "; ".join(f"{names[key]} may still move: {why}" for key, why in failures.items())
+    return StopFailed(said, failures, stopped)

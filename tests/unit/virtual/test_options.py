@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from conformance.wire import Wire
+from conformance.wire import Wire, dxl, lx
 from samples import every_model, turning
 from servobus import LX16A, MODELS, RX28, Bus, UsageError, deg
 from servobus.errors import BadValue
@@ -213,16 +213,6 @@ def test_every_option_in_an_entry_is_declared() -> None:
 
 
 # What each does
-
-
-def dxl(text: str) -> bytes:
-    body = bytes.fromhex(text)
-    return b"\xff\xff" + body + bytes([~sum(body) & 0xFF])
-
-
-def lx(text: str) -> bytes:
-    body = bytes.fromhex(text)
-    return b"\x55\x55" + body + bytes([~sum(body) & 0xFF])
 
 
 def hx(text: str) -> bytes:
