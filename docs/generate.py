@@ -18,6 +18,7 @@ from servobus.cli.virtual_options import option_entries
 from servobus.core.registers import Access, Area, Int, Register
 from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Switch, deg, rpm, show, shown
 from servobus.families.base import Model
+from servobus.families.present import differences
 
 DOCS = Path(__file__).parent
 PAGES = DOCS / "registers"
@@ -74,15 +75,16 @@ def index() -> str:
     rows = [
         (
             f"[{model.title}]({key}.md)",
+            model.series,
             model.family.title,
             model.sheet.maker,
             _default(model.register("id")),
             f"{model.factory_baud} baud",
             len(model.registers),
         )
-        for key, model in MODELS.items()
+        for key, model in sorted(MODELS.items(), key=lambda item: (item[1].family.name, _series_at(item[1])))
     ]
-    head = ("Model", "Protocol", "Maker", "Factory id", "Factory speed", "Registers")
+    head = ("Model", "Series", "Protocol", "Maker", "Factory id", "Factory speed", "Registers")
     return _join(
         "# Registers",
         _origin("the tables in src/servobus/families"),
@@ -109,11 +111,17 @@ conformance test of that number checks it.""",
     )
 
 
+def _series_at(model: type[Model]) -> int:
+    """Give the place of a model's series in the list of all models."""
+    return next(n for n, one in enumerate(MODELS.values()) if (one.family, one.series) == (model.family, model.series))
+
+
 # One model
 
 
 def page(model: type[Model]) -> str:
     parts = [f"# {model.title}", _origin(f"src/{model.__module__.replace('.', '/')}.py"), _clean(model.__doc__ or "")]
+    parts += list(_differences(model))
     parts += ["## Specification", _table(("", ""), list(_sheet(model)))]
     parts += ["## Registers", _table(_HEAD, [_row(row) for row in model.registers.values()])]
     parts += ["## Second names", "Either name works."]
@@ -121,6 +129,19 @@ def page(model: type[Model]) -> str:
     parts += list(_codes(model))
     parts += list(_options(model))
     return _join(*parts)
+
+
+def _differences(model: type[Model]) -> Iterator[str]:
+    """Write what differs from the first model of the series."""
+    first = next(one for one in MODELS.values() if one.family is model.family and one.series == model.series)
+    if first is model:
+        return
+    yield f"## What differs from the {first.title}"
+    rows = [(f"`{name}`", what, here, there) for name, what, here, there in differences(model, first)]
+    if rows:
+        yield _table(("Register", "What", model.title, first.title), rows)
+    else:
+        yield "The registers are the same; see the specification."
 
 
 def _options(model: type[Model]) -> Iterator[str]:
@@ -140,15 +161,22 @@ def _sheet(model: type[Model]) -> Iterator[tuple[str, str]]:
     """List the specification in the units that people use."""
     sheet = model.sheet
     yield "Maker", sheet.maker
+    if model.names:
+        yield "Other names", ", ".join(model.names)
     yield "Protocol", f"{model.family.title}, family `{model.family.name}`"
     yield "Model number", "cannot be asked" if model.number is None else f"{model.number} ({model.number:#06x})"
     for at in sheet.performance:
-        torque = f"{at.stall_torque:.2f} N·m ({at.stall_torque / KGF_CM:.1f} kgf·cm)"
-        yield f"Stall torque at {at.voltage:g} V", torque
-        speed = f"{at.speed / deg:.0f}°/s ({at.speed / rpm:.1f} rpm, {60 * deg / at.speed:.3f} s for 60°)"
-        yield f"Speed without load at {at.voltage:g} V", speed
-    nominal = f", nominal {sheet.nominal_voltage:g} V" if sheet.nominal_voltage is not None else ""
-    yield "Supply", f"{sheet.voltage[0]:g} to {sheet.voltage[1]:g} V{nominal}"
+        if at.stall_torque is not None:
+            torque = f"{at.stall_torque:.2f} N·m ({at.stall_torque / KGF_CM:.1f} kgf·cm)"
+            yield f"Stall torque at {at.voltage:g} V", torque
+        if at.stall_current is not None:
+            yield f"Stall current at {at.voltage:g} V", f"{at.stall_current:g} A"
+        if at.speed is not None:
+            speed = f"{at.speed / deg:.0f}°/s ({at.speed / rpm:.1f} rpm, {60 * deg / at.speed:.3f} s for 60°)"
+            yield f"Speed without load at {at.voltage:g} V", speed
+    nominal = [f"nominal {sheet.nominal_voltage:g} V"] if sheet.nominal_voltage is not None else []
+    supply = [f"{sheet.voltage[0]:g} to {sheet.voltage[1]:g} V"] if sheet.voltage is not None else []
+    yield "Supply", ", ".join([*supply, *nominal]) or "not known"
     yield "Angle", show(sheet.angle, "rad").replace(".0", "")
     yield "Resolution", f"{sheet.resolution / deg:.3g}°"
     if sheet.temperature is not None:
@@ -166,6 +194,9 @@ def _sheet(model: type[Model]) -> Iterator[tuple[str, str]]:
     if sheet.size is not None:
         yield "Size", " x ".join(f"{edge * 1000:.1f}" for edge in sheet.size) + " mm"
     yield "Link", _linked(sheet.link)
+    yield "Confidence", str(sheet.confidence)
+    for doubt in sheet.doubts:
+        yield "In doubt", _linked(doubt)
 
 
 _HEAD = ("Register", "Where", "Layout", "Access", "Factory", "May be written", "Step", "Meaning")

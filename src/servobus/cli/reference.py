@@ -1,12 +1,15 @@
 """`ports`, `models`: what is plugged in, and what is known."""
 
+import math
+
 import click
 
 from servobus import MODELS
+from servobus.cli import complete
 from servobus.cli.options import as_json, verb
 from servobus.cli.output import console, note, print_json
-from servobus.core.units import show
-from servobus.families.present import model_entry
+from servobus.families import registry
+from servobus.families.present import figure, model_entry, model_lines, supply_text
 
 
 @verb("ports", "servobus ports", "servobus ports --json")
@@ -32,29 +35,52 @@ def _known(text: str | None) -> str:
     return "" if text in (None, "n/a") else str(text)
 
 
-@verb("models", "servobus models", "servobus models --json")
+@verb("models", "servobus models", "servobus models mx28", "servobus models --json")
+@click.argument("names", metavar="[MODEL]...", nargs=-1, shell_complete=complete.models)
 @as_json
-def models(json: bool) -> None:
-    """List the models known here, with the data of their makers."""
+def models(names: tuple[str, ...], json: bool) -> None:
+    """List the models known here, or say what their makers tell of some, and how sure that is.
+
+    Confidence is high for the maker's own text or a measurement, medium where several texts of others agree, low for a
+    single mention or a figure taken over from a sibling.
+    """
+    found = [registry.model(name) for name in names] or list(MODELS.values())
     if json:
         from servobus.cli.virtual_options import option_entries  # noqa: PLC0415 - virtual servos are slow to import
 
-        print_json([model_entry(model) | {"options": option_entries(model)} for model in MODELS.values()])
+        print_json([model_entry(model) | {"options": option_entries(model)} for model in found])
+        return
+    if names:
+        for n, model in enumerate(found):
+            click.echo("\n" * bool(n) + "\n".join(filter(None, model_lines(model))))
+        note(f"`servobus registers {found[0].key()}` shows what it can be asked and told")
         return
     from rich.table import Table  # noqa: PLC0415 - rich is slow to import and not always wanted
 
-    table = Table("name", "model", "family", "angle", "supply", "torque", "speed", box=None, pad_edge=False)
-    for model in MODELS.values():
-        best = model.sheet.performance[-1]
-        low, high = model.sheet.voltage
+    table = Table(
+        "name",
+        "model",
+        "series",
+        "angle",
+        "supply",
+        "torque",
+        "speed",
+        "sure",
+        box=None,
+        pad_edge=False,
+        padding=(0, 1),
+    )
+    for model in found:
+        sheet = model.sheet
         table.add_row(
             model.key(),
             model.title,
-            model.family.name,
-            show(model.sheet.angle, "rad"),
-            f"{low:g}-{high:g} V",
-            f"{best.stall_torque:.2f} N·m",
-            show(best.speed, "rad/s"),
+            model.series,
+            f"{math.degrees(sheet.angle):.0f}°",
+            supply_text(model),
+            "-" if sheet.stall_torque is None else f"{sheet.stall_torque:.2f} N·m",
+            figure(sheet.speed, "rad/s"),
+            str(sheet.confidence),
         )
     console().print(table)
-    note("`servobus registers NAME` shows what a model can be asked and told")
+    note("`servobus models NAME` tells more of one, `servobus registers NAME` what it can be asked and told")

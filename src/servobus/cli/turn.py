@@ -92,7 +92,7 @@ def _turn(bus: Bus, servo: BusServo, where: Where, output: float | None, speed: 
     )
     words = servo.id, "--end", "--limits", low, high
     back = f"back to angles: {command_for(servo, where, 'turn', port, *words)}"
-    gives_up = any(pair.both_zero for pair in servo.model.limit_pairs) and not motion_status.turning
+    gives_up = any(pair.equal for pair in servo.model.limit_pairs) and not motion_status.turning
     if gives_up:  # before anything is sent: whatever ends this, the limits are told
         note(f"it gives up its angle limits, {low}° to {high}°, for that; {back}")
     try:

@@ -98,6 +98,30 @@ def writable_text(row: Register[Any]) -> str:
     return _choices_text(row) + factory
 
 
+def unit_step_text(row: Register[Any]) -> str:
+    """Say what one raw unit is worth, and which raw value is 0 where that is not 0; empty where it has no unit."""
+    if not isinstance(row.scale, Quantity):
+        return ""
+    value, symbol = shown(row.scale.step, row.unit)
+    zero = f", 0 is raw {row.scale.zero}" if row.scale.zero else ""
+    return f"{value:.4g}{'' if symbol.startswith('°') else ' '}{symbol}".strip() + zero
+
+
+def aspects(row: Register[Any]) -> dict[str, str]:
+    """Say of a row what can differ between two models: where it is, what one unit is, what it holds."""
+    layout = row.layout
+    sign = (
+        f"sign in bit {layout.sign_bit}" if layout.sign_bit is not None else "signed" if layout.signed else "unsigned"
+    )
+    return {
+        "where": place_text(row),
+        "layout": sign,
+        "unit": unit_step_text(row) or row.unit,
+        "may be written": _choices_text(row) if row.writable else "",
+        "factory setting": "" if row.default is None else value_text(row, row.default),
+    }
+
+
 def _choices_text(row: Register[Any]) -> str:
     scale = row.scale
     if isinstance(scale, Switch):

@@ -86,6 +86,8 @@ def _voltage(servo: BusServo, volts: float, low: float, high: float) -> Iterator
         return
     if servo.model.generic or servo.model.number is None:
         return  # it may be a servo for another supply
+    if servo.model.sheet.voltage is None:
+        return
     least, most = servo.model.sheet.voltage
     if not least <= volts <= most:
         words = f"is outside {show(least, 'V')} .. {show(most, 'V')}, what its maker allows"

@@ -15,6 +15,7 @@ servos whose model is not known: `generic = True`. It has no data sheet. What ha
 """
 
 from collections.abc import Mapping
+from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from servobus.core.registers import Register, check_overlap, check_row
@@ -77,10 +78,23 @@ class Performance:
 
     voltage: float
     """V"""
-    stall_torque: float
+    stall_torque: float | None = None
     """N·m"""
-    speed: float
+    speed: float | None = None
     """rad/s without load"""
+    stall_current: float | None = None
+    """A"""
+
+
+class Confidence(StrEnum):
+    """How sure the data of a model are."""
+
+    HIGH = "high"
+    """The maker's own text, or a measurement."""
+    MEDIUM = "medium"
+    """Two or more texts of others that agree."""
+    LOW = "low"
+    """A single mention, or taken over from a sibling."""
 
 
 @frozen
@@ -89,7 +103,7 @@ class SpecSheet:
 
     maker: str
     performance: tuple[Performance, ...]
-    voltage: tuple[float, float]
+    voltage: tuple[float, float] | None
     """Supply, V: lowest and highest."""
     angle: float
     """Range in position mode, rad."""
@@ -110,6 +124,26 @@ class SpecSheet:
     max_current: float | None = None
     """A"""
     link: str = ""
+    confidence: Confidence = Confidence.HIGH
+    doubts: tuple[str, ...] = ()
+    """What of this is uncertain, or contradicts another source: a sentence each."""
+
+    @property
+    def stall_torque(self) -> float | None:
+        """N·m at the highest voltage for which it is told."""
+        return next((at.stall_torque for at in reversed(self.performance) if at.stall_torque is not None), None)
+
+    @property
+    def speed(self) -> float | None:
+        """rad/s without load, at the highest voltage for which it is told."""
+        return next((at.speed for at in reversed(self.performance) if at.speed is not None), None)
+
+    @property
+    def supply(self) -> float | None:
+        """V at which it is meant to run: nominal, or the middle of what it allows."""
+        if self.nominal_voltage is None and self.voltage is not None:
+            return sum(self.voltage) / 2
+        return self.nominal_voltage
 
 
 @frozen
@@ -121,8 +155,8 @@ class LimitPair:
 
     low: str
     high: str
-    both_zero: bool = False
-    """Whether both may be 0: what that means is said where it may be."""
+    equal: tuple[int, ...] = ()
+    """Raw values that both may have at once: what that means is said where it may be."""
 
     def rows(self, model: type["Model"]) -> tuple[Register[Any], Register[Any]]:
         """Give the two registers."""
@@ -130,7 +164,12 @@ class LimitPair:
 
     def fits(self, low: int, high: int) -> bool:
         """Tell whether the pair may be set to these raw values."""
-        return low < high or (self.both_zero and low == high == 0)
+        return low < high or (low == high and low in self.equal)
+
+
+def key_of(name: str) -> str:
+    """Give a name of a model as it is used in commands and files: "rx28" for "RX-28", "ex106p" for "EX-106+"."""
+    return name.replace("-", "").replace("_", "").replace("+", "p").lower()
 
 
 POSITION_LIMITS = LimitPair("min_position", "max_position")
@@ -146,6 +185,10 @@ class Model:
 
     title: ClassVar[str]
     """The name on the case."""
+    names: ClassVar[tuple[str, ...]] = ()
+    """Other names of the same model, as sellers and earlier editions have them; a child does not inherit them."""
+    series: ClassVar[str] = ""
+    """The series it belongs to: its siblings have the same firmware and differ in a few rows and figures."""
     family: ClassVar["Family"]
     number: ClassVar[int | None]
     """What the servo says when asked for its model; None for families that cannot be asked."""
@@ -183,6 +226,7 @@ class Model:
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         cls.generic = vars(cls).get("generic", False)
+        cls.names = vars(cls).get("names", ())
         _check_body(cls)
         cls._body = {name: row for name, row in vars(cls).items() if isinstance(row, Register) or _takes_out(cls, name)}
         cls.registers, cls.aliases = {}, {}
@@ -241,7 +285,7 @@ class Model:
     @classmethod
     def key(cls) -> str:
         """Give the name used in commands and files: rx28 for RX-28."""
-        return cls.title.replace("-", "").replace("_", "").lower()
+        return key_of(cls.title)
 
     @classmethod
     def named(cls, ids: str) -> str:

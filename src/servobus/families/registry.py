@@ -24,9 +24,12 @@ from servobus.families.herkulex.models.drs0602 import DRS0602
 from servobus.families.herkulex.models.table import UnknownHerkulex
 from servobus.families.lewansoul.models.lx16a import LX16A
 from servobus.families.lewansoul.models.table import UnknownLx
+from servobus.families.model import key_of
 
 T = TypeVar("T")
 
+MANY = 12
+"""More names than these are not listed in an error."""
 GROUP = "servobus.families"
 """Entry points of this group name lists of models."""
 
@@ -159,8 +162,8 @@ def model(name: str) -> type[Model]:
 
     Raises UnknownName.
     """
-    key = name.replace("-", "").replace("_", "").lower()
-    found = MODELS.get(key)
+    key = key_of(name)
+    found = MODELS.get(key) or next((model for model in MODELS.values() if key in map(key_of, model.names)), None)
     if found is None:
         generic = {model.key(): model for model in GENERIC.values()}
         found = generic.get(key)
@@ -172,7 +175,7 @@ def model(name: str) -> type[Model]:
 def family(name: str) -> Family:
     """Find a family by name. Raises UnknownName."""
     found = FAMILIES.get(name.lower())
-    if found is None and (known := MODELS.get(name.replace("-", "").replace("_", "").lower())):
+    if found is None and (known := MODELS.get(key_of(name))):
         raise UnknownName(f"no family {name!r}: {known.title} is a model, of the family {known.family.name}")
     if found is None:
         raise UnknownName(_no_such("family", name, list(FAMILIES)))
@@ -234,10 +237,11 @@ def names(known: Iterable[str]) -> str:
 
 
 def _no_such(kind: str, name: str, known: list[str]) -> str:
-    key = name.replace("-", "").replace("_", "").lower()
+    key = key_of(name)
     # One series has not the models of another: an MX-28 is no RX-28 with a slip.
     near = [one for one in known if _one_slip(key, one) and (kind != "model" or _series(key) == _series(one))]
-    hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+    told = f"known are {', '.join(known)}" if len(known) <= MANY else f"`servobus {kind}s` lists all {len(known)}"
+    hint = f"did you mean {near[0]}?" if near else told
     return f"no {kind} {name!r}; {hint}"
 
 

@@ -250,8 +250,8 @@ def turn(target: KnownServo, *, speed: float | None, output: float | None) -> Pr
     """
     family, model = target.model.family, target.model
     lost: dict[Register[Any], int] = {}
-    overwrites = [pair.rows(model) for pair in model.limit_pairs if pair.both_zero and output is not None]
-    if overwrites and output is not None:
+    overwrites = [pair.rows(model) for pair in model.limit_pairs if pair.equal]
+    if output is not None:
         check_output(output)  # before anything is asked
     for low, high in overwrites:
         raws = yield from family.read_stored(target, [low, high])

@@ -27,6 +27,7 @@ def test_models_as_json(load: Callable[..., Any]) -> None:
             "voltage": {"value": 14.8, "unit": "V"},
             "stall_torque": {"value": 7.6, "unit": "N·m"},
             "speed": {"value": 365.8537, "unit": "°/s"},
+            "stall_current": None,
         }
     ]
     assert lx["number"] is None
@@ -118,3 +119,21 @@ def test_no_ports(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     result = run("ports")
     assert result.stdout == ""
     assert "no serial port is plugged in" in result.stderr
+
+
+def test_what_is_known_of_one_model_and_how_sure_that_is(run: Run) -> None:
+    text = run("models", "RX-28").stdout
+    assert text.startswith("ROBOTIS RX-28")
+    assert "confidence high" in text
+
+
+def test_a_model_that_is_not_known_changes_nothing(run: Run) -> None:
+    assert "did you mean rx28?" in run("models", "rx2", code=1).stderr
+
+
+def test_the_difference_between_two_tables(run: Run, load: Callable[..., Any]) -> None:
+    rows = load("registers", "rx28", "goal_position", "--diff", "lx16a")
+    assert {row["register"] for row in rows} == {"goal_position"}
+    (place,) = (row for row in rows if row["what"] == "where")
+    assert place["rx28"] == "RAM 30, 2 bytes, read, write"
+    assert "no difference" in run("registers", "rx28", "--diff", "rx28").stdout

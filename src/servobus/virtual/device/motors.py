@@ -32,5 +32,7 @@ def motor_sets(model: type[Model]) -> Mapping[str, MotorParams]:
             return sets
         if "sheet" in vars(kind):
             break  # what a parent knows of its motor says nothing of one with another sheet
-    point = model.sheet.performance[-1]
-    return {"sheet": motor_like(point.voltage, point.stall_torque, point.speed)}
+    for point in reversed(model.sheet.performance):
+        if point.stall_torque is not None and point.speed is not None:
+            return {"sheet": motor_like(point.voltage, point.stall_torque, point.speed)}
+    raise UnknownName(f"{model.title}: its sheet has no voltage with stall torque and speed to make a motor of")

@@ -86,7 +86,7 @@ class VirtualServo(ABC):
         """Take a servo out of its box, give it an id, and switch it on.
 
         id           None leaves the factory id
-        voltage      supply in V; the model's nominal voltage by default
+        voltage      supply in V; by default the nominal voltage, or the middle of what the model allows
         temperature  of the case, degC
         position     of the shaft, rad; `home` by default
         motor_set    name of a set of motor data, see `Model.motors`; the first by default
@@ -100,13 +100,14 @@ class VirtualServo(ABC):
         self.options = defaults(type(self), model, reading)
         """Name of an option -> its value. Set one as an attribute: `servo.goal_torque = False`."""
         self.options |= read_options(type(self), model, options or {})
-        low, high = model.sheet.voltage
         self.model = model
         self.memory = Memory(model)
         if id is not None:
             self.memory.store(model.register("id"), check_id(id))
         self.memory.hold(memory or {})
-        supply = voltage if voltage is not None else model.sheet.nominal_voltage or (low + high) / 2
+        supply = model.sheet.supply if voltage is None else voltage
+        if supply is None:
+            raise UsageError(f"the supply of a {model.title} is not known; give a virtual one its voltage, in V")
         start = self.home if position is None else position
         self.shaft = Shaft(motor(model, motor_set), start, self.tick, Rail(supply))
         self.temperature = temperature

@@ -15,6 +15,7 @@ class RX28(DynamixelTable):
     """Position 0 .. 1023 is 0° .. 300°, growing counter-clockwise; the 60° between the ends are not measured."""
 
     title = "RX-28"
+    series = "RX"
     number = 28
     factory_baud = 57_600
     firmware = "servobus.families.dynamixel.firmware:Dynamixel1Servo"

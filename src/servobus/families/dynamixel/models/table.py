@@ -26,7 +26,7 @@ class DynamixelTable(Model):
     bauds = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
 
     share = Quantity("1", 1 / 1023)
-    limit_pairs = (LimitPair("min_position", "max_position", both_zero=True), VOLTAGE_LIMITS)  # 3-4-3: endless turn
+    limit_pairs = (LimitPair("min_position", "max_position", equal=(0,)), VOLTAGE_LIMITS)  # 3-4-3: endless turn
     volts = Quantity("V", 0.1)
     celsius = Quantity("degC", 1.0)
     errors = Flags(Error)

@@ -17,6 +17,7 @@ class DRS0602(HerkulexTable):
     """
 
     title = "DRS-0602"
+    series = "DRS magnetic"
     number = 0x0602
     factory_baud = 115_200
     turn_scale = Quantity("rad/s", 0.62 * deg)  # 6-5

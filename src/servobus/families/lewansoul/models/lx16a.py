@@ -13,6 +13,7 @@ class LX16A(LxTable):
     """Position 0 .. 1000 is 0° .. 240°; positions that are read may lie outside, and below 0."""
 
     title = "LX-16A"
+    series = "LX"
     firmware = "servobus.families.lewansoul.firmware:LewansoulServo"
     motors = "servobus.families.lewansoul.motors:LX16A_SETS"
     # The protocol document has no specification. Figures of the maker's and resellers' product pages; some

@@ -118,6 +118,8 @@ def test_other_names_of_the_same_rows() -> None:
 def test_the_data_sheet() -> None:
     weak, strong = LX16A.sheet.performance
     assert (weak.voltage, strong.voltage) == (6.0, 7.4)
+    assert weak.speed
+    assert strong.speed
     assert strong.stall_torque == pytest.approx(1.912, abs=0.001)
     assert weak.stall_torque == pytest.approx(1.667, abs=0.001)
     assert 60 * deg / strong.speed == pytest.approx(0.16)
