@@ -124,7 +124,7 @@ VIOLATIONS = [
     ("clock", "core.exchange", "~time"),
     ("clock", "families.dynamixel.protocol", "~serial"),
     ("clock", "families.herkulex.verbs", "~time"),
-    ("clock", "families.lewansoul.models.lx16a", "~socket"),
+    ("clock", "families.lewansoul.models.lx", "~socket"),
     ("clock", "jobs.move", "~time"),
     ("clock", "jobs.scan", "~asyncio"),
     ("clock", "traffic.tracker", "~threading"),

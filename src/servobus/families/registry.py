@@ -22,7 +22,10 @@ from servobus.families.dynamixel.models.rx28 import RX28
 from servobus.families.dynamixel.models.table import UnknownDynamixel
 from servobus.families.herkulex.models.drs0602 import DRS0602
 from servobus.families.herkulex.models.table import UnknownHerkulex
-from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.families.lewansoul.models.htd import HTD35H, HTD45H
+from servobus.families.lewansoul.models.hts import HTS16L, HTS20H, HTS20L, HTS21H, HTS30HS, HTS35H
+from servobus.families.lewansoul.models.hx import HX06L, HX12H, HX20L, HX35H
+from servobus.families.lewansoul.models.lx import LX15D, LX16A, LX224, LX224HV, LX225, LX824, LX824HV, LX1501
 from servobus.families.lewansoul.models.table import UnknownLx
 from servobus.families.model import key_of
 
@@ -259,6 +262,8 @@ def _one_slip(one: str, other: str) -> bool:
 
 
 add(RX28, DRS0602, LX16A, UnknownDynamixel, UnknownHerkulex, UnknownLx)
+add(LX15D, LX224, LX224HV, LX225, LX824, LX824HV, LX1501)
+add(HTS20H, HTS16L, HTS20L, HTS21H, HTS30HS, HTS35H, HTD35H, HTD45H, HX12H, HX06L, HX20L, HX35H)
 
 __all__ = [
     "DRS0602",

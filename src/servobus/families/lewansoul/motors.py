@@ -4,9 +4,10 @@ All temperatures, frames and units are those of `servobus.virtual.physics.motor`
 and what none has, is said in `servobus.virtual.device.motors`.
 """
 
+import math
 from typing import Final
 
-from servobus.virtual.physics.motor import MotorParams
+from servobus.virtual.physics.motor import MotorParams, motor_like
 
 LX16A: Final = MotorParams(
     gear_ratio=264,  # assumption; only its product with the torque constant can be seen from outside
@@ -26,3 +27,15 @@ a line through both points would push without a voltage."""
 
 LX16A_SETS: Final = {"manual": LX16A}
 """Name of a set -> the set; the first is the default."""
+
+
+def _taken_over(voltage: float, kgf_cm: float, per_60_degrees: float) -> dict[str, MotorParams]:
+    """Make up a motor of which one or both figures are those of a sibling: V, kgf·cm, s for 60°."""
+    return {"sibling": motor_like(voltage, kgf_cm * 0.0980665, math.radians(60) / per_60_degrees)}
+
+
+# Assumptions, where a model has no speed of its own: that of the LX-224, HTS-20H and HX-35H.
+LX225_SETS: Final = _taken_over(7.4, 25.0, 0.20)
+HTS20H_SETS: Final = _taken_over(11.1, 20.0, 0.18)
+HX35H_SETS: Final = _taken_over(11.1, 35.0, 0.18)
+HTD45H_SETS: Final = _taken_over(12.0, 45.0, 0.18 * 11.1 / 12.0)

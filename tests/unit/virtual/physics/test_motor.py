@@ -41,6 +41,8 @@ ALL = [(key, name) for key, sets in SETS.items() for name in sets]
 CONTRADICTIONS = {
     # No DC motor gives the 17 kgf·cm at 6 V of the LX-16A's product pages together with their other figures.
     ("lx16a", 6.0): 0.08,
+    # And none the two torques of the LX-15D: 17.3 kgf·cm at 6 V, 20.4 at 7.4 V.
+    ("lx15d", 6.0): 0.05,
 }
 """Model and V -> how far a stall torque may be from what the data sheet prints."""
 DTS = [0.1 * MS, 0.5 * MS, 1 * MS, 4 * MS, 11.2 * MS, 20 * MS]
@@ -54,7 +56,8 @@ every_dt = pytest.mark.parametrize("dt", DTS)
 
 
 def top_voltage(key: str) -> float:
-    return max(point.voltage for point in MODELS[key].sheet.performance)
+    sheet = MODELS[key].sheet
+    return max((point.voltage for point in sheet.performance), default=sheet.supply or 0.0)
 
 
 def run(
@@ -94,9 +97,11 @@ def energy(params: MotorParams, load: Load, state: MotorState) -> float:
 def test_the_default_is_what_the_sheet_says(key: str) -> None:
     params = next(iter(SETS[key].values()))
     for point in MODELS[key].sheet.performance:
-        assert no_load_speed(params, point.voltage) == pytest.approx(point.speed, rel=0.01)
+        if point.speed is not None:
+            assert no_load_speed(params, point.voltage) == pytest.approx(point.speed, rel=0.01)
         rel = CONTRADICTIONS.get((key, point.voltage), 0.01)
-        assert stall_torque(params, point.voltage) == pytest.approx(point.stall_torque, rel=rel)
+        if point.stall_torque is not None:
+            assert stall_torque(params, point.voltage) == pytest.approx(point.stall_torque, rel=rel)
 
 
 @pytest.mark.parametrize("params", [dynamixel.RX28, herkulex.DRS0602_LOSSY])
