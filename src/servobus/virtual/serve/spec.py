@@ -78,7 +78,7 @@ class Setup:
     voltage      supply, V
     temperature  of the cases, degC
     state        file that keeps the EEPROM contents
-    motor        name of a set of motor data, see `Model.motors`; the first of the model by default
+    motor        name of a set of motor data, see `servobus.virtual.device.motors`; `manual` by default
     supply_resistance
                  ohm between the supply and all servos of a line, which then share it; None: it is not felt
     load         what hangs on every shaft at the start
