@@ -13,7 +13,6 @@ class HTD35H(HighVoltage):
 
     title = "HTD-35H"
     series = "HTD"
-    motors = "servobus.families.lewansoul.motors:HX35H_SETS"
     sheet = lx_sheet(
         at(11.1, 35.0), voltage=(9.0, 12.6), confidence=Confidence.MEDIUM,
         doubts=("One text has 12 to 14.8 V for an HTD-35H3.", THREE_CELLS),
@@ -26,7 +25,6 @@ class HTD45H(HighVoltage):
     title = "HTD-45H"
     names = ("HTD-455H",)
     series = "HTD"
-    motors = "servobus.families.lewansoul.motors:HTD45H_SETS"
     sheet = lx_sheet(
         at(12.0, 45.0), voltage=(9.0, 12.6), weight=0.064, size=(0.0511, 0.02014, 0.040), doubts=(THREE_CELLS,)
     )

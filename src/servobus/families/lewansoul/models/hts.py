@@ -24,8 +24,7 @@ class HTS16L(LxTable):
 
     title = "HTS-16L"
     series = "HTS"
-    motors = "servobus.families.lewansoul.motors:LX16A_SETS"
-    sheet = lx_sheet(confidence=Confidence.LOW, doubts=("7.4 V, by the L in its name, is an assumption.",))
+    sheet = lx_sheet(confidence=Confidence.LOW)
 
 
 class HTS20L(LxTable):
@@ -33,8 +32,7 @@ class HTS20L(LxTable):
 
     title = "HTS-20L"
     series = "HTS"
-    motors = "servobus.families.lewansoul.motors:LX16A_SETS"
-    sheet = lx_sheet(confidence=Confidence.LOW, doubts=("7.4 V, by the L in its name, is an assumption.",))
+    sheet = lx_sheet(confidence=Confidence.LOW)
 
 
 class HTS21H(HighVoltage):
@@ -42,7 +40,6 @@ class HTS21H(HighVoltage):
 
     title = "HTS-21H"
     series = "HTS"
-    motors = "servobus.families.lewansoul.motors:HTS20H_SETS"
     sheet = lx_sheet(
         at(11.1, 20.0), voltage=(9.0, 12.6), confidence=Confidence.LOW,
         doubts=("Its torque is that of the arm it is part of, which lists it beside the HTS-20H.", THREE_CELLS),
@@ -54,12 +51,10 @@ class HTS30HS(HighVoltage):
 
     title = "HTS-30HS"
     series = "HTS"
-    motors = "servobus.families.lewansoul.motors:HTS20H_SETS"
     sheet = lx_sheet(
-        nominal_voltage=11.1, confidence=Confidence.LOW,
+        confidence=Confidence.LOW,
         doubts=(
             "30 kgf·cm stand in the name of the product, with no voltage.",
-            "11.1 V, by the H in its name, is an assumption.",
             "That it speaks this protocol is said by the list of one library alone.",
         ),
     )  # fmt: skip
@@ -70,7 +65,6 @@ class HTS35H(HighVoltage):
 
     title = "HTS-35H"
     series = "HTS"
-    motors = "servobus.families.lewansoul.motors:HX35H_SETS"
     sheet = lx_sheet(
         at(11.1, 35.0), voltage=(9.0, 12.6), weight=0.064, confidence=Confidence.MEDIUM,
         doubts=("EL-34: one text has 6 to 8.4 V and 0.16 s for 60°.", THREE_CELLS),

@@ -27,8 +27,7 @@ class HX06L(LxTable):
 
     title = "HX-06L"
     series = "HX"
-    motors = "servobus.families.lewansoul.motors:LX16A_SETS"
-    sheet = lx_sheet(confidence=Confidence.LOW, doubts=("7.4 V, by the L in its name, is an assumption.",))
+    sheet = lx_sheet(confidence=Confidence.LOW)
 
 
 class HX20L(LxTable):
@@ -36,8 +35,7 @@ class HX20L(LxTable):
 
     title = "HX-20L"
     series = "HX"
-    motors = "servobus.families.lewansoul.motors:LX16A_SETS"
-    sheet = lx_sheet(confidence=Confidence.LOW, doubts=("7.4 V, by the L in its name, is an assumption.",))
+    sheet = lx_sheet(confidence=Confidence.LOW)
 
 
 class HX35H(HighVoltage):

@@ -16,7 +16,6 @@ class LX16A(LxTable):
 
     title = "LX-16A"
     series = "LX"
-    motors = "servobus.families.lewansoul.motors:LX16A_SETS"
     # The protocol document has no specification. Figures of the maker's and resellers' product pages; some
     # of these give 15 and 17 kgf·cm instead. The two torque points cannot both be right for a DC motor.
     sheet = SpecSheet(
@@ -78,7 +77,6 @@ class LX225(LxTable):
 
     title = "LX-225"
     series = "LX"
-    motors = "servobus.families.lewansoul.motors:LX225_SETS"
     sheet = lx_sheet(
         at(7.4, 25.0), voltage=(6.0, 8.4), confidence=Confidence.LOW, doubts=("Its torque is from a single table.",)
     )
@@ -89,8 +87,7 @@ class LX824(LxTable):
 
     title = "LX-824"
     series = "LX"
-    motors = "servobus.families.lewansoul.motors:LX16A_SETS"
-    sheet = lx_sheet(confidence=Confidence.LOW, doubts=("7.4 V, as of the LX-224, is an assumption.",))
+    sheet = lx_sheet(confidence=Confidence.LOW)
 
 
 class LX824HV(HighVoltage):
@@ -98,10 +95,7 @@ class LX824HV(HighVoltage):
 
     title = "LX-824HV"
     series = "LX"
-    motors = "servobus.families.lewansoul.motors:HTS20H_SETS"
-    sheet = lx_sheet(
-        nominal_voltage=11.1, confidence=Confidence.LOW, doubts=("11.1 V, as of the LX-224HV, is an assumption.",)
-    )
+    sheet = lx_sheet(confidence=Confidence.LOW)
 
 
 class LX1501(LxTable):
@@ -109,5 +103,4 @@ class LX1501(LxTable):
 
     title = "LX-1501"
     series = "LX"
-    motors = "servobus.families.lewansoul.motors:LX16A_SETS"
-    sheet = lx_sheet(confidence=Confidence.LOW, doubts=("7.4 V, as of the LX-16A, is an assumption.",))
+    sheet = lx_sheet(confidence=Confidence.LOW)

@@ -30,7 +30,6 @@ def at(
 def lx_sheet(
     *performance: Performance,
     voltage: tuple[float, float] | None = None,
-    nominal_voltage: float | None = None,
     weight: float | None = None,
     size: tuple[float, float, float] | None = None,
     confidence: Confidence = Confidence.HIGH,
@@ -38,15 +37,13 @@ def lx_sheet(
 ) -> SpecSheet:
     """Make the sheet of a model: what they have in common, 240° in 1000 steps (EL-30), is filled in.
 
-    nominal_voltage   7.4 V by default, or 11.1 V where the range of supply is that of three lithium cells
+    The nominal voltage is that of two or three lithium cells, by the range of the supply.
     """
-    if nominal_voltage is None:
-        nominal_voltage = 7.4 if voltage is None or voltage[1] < 9 else 11.1
     return SpecSheet(
         maker="Hiwonder (LewanSoul)",
         performance=performance,
         voltage=voltage,
-        nominal_voltage=nominal_voltage,
+        nominal_voltage=voltage and (7.4 if voltage[1] < 9 else 11.1),
         angle=240 * deg,
         resolution=0.24 * deg,
         weight=weight,
@@ -61,6 +58,7 @@ class LxTable(Model):
     """Rows of all models."""
 
     family = LEWANSOUL
+    motors = "servobus.families.lewansoul.motors:MOTORS"
     number = None
     factory_baud = BAUD
     bauds = (BAUD,)
