@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 from servobus.core.exchange import Exchange, Now, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Framing, Packet
+from servobus.core.ids import check_id
 from servobus.core.registers import Area, Register
 from servobus.core.values import frozen
 from servobus.errors import BusError, NoReply
@@ -390,9 +391,9 @@ class Family(ABC):
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         """Restore factory settings, less what is kept ("id", "baud", "calibration"). Gives the new id and baud."""
 
-    @abstractmethod
     def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
         """Change the id for good."""
+        yield from set_registers(target, {target.model.register("id"): check_id(id)})
 
     @abstractmethod
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:

@@ -16,6 +16,11 @@ def cannot(target: ServoRef, what: str, why: str) -> UsageError:
     return UsageError(f"{target} cannot {what}: {why}")
 
 
+def mute(target: ServoRef, policy: str, setting: str) -> UsageError:
+    """Make the error for reading a servo whose policy is to answer no reads; `setting` lets it answer."""
+    return cannot(target, "be read", f"its {policy} is 0; `servobus write PORT {target.id} {setting}` lets it answer")
+
+
 def not_taken(target: ServoRef, row: Register[Any], raw: int) -> BusError:
     """Make the error for a value that was written again and again, and that the servo does not have."""
     return BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
