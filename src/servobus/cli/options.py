@@ -341,8 +341,10 @@ def check_to_limit(to_limit: bool, speed: float | None) -> None:
 
 
 def open_port(port: str) -> Bus:
-    """Open a port, for `with`."""
-    return servobus.open(port)
+    """Open a port, for `with`. What is the matter with what is remembered of its servos is noted."""
+    bus = servobus.open(port)
+    bus.remembered.tell = lambda problem: note(f"servobus: {problem}")
+    return bus
 
 
 class Search:

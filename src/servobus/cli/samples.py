@@ -16,6 +16,7 @@ from servobus.core.present import decoded_json, unit_text
 from servobus.core.registers import Register
 from servobus.core.values import frozen
 from servobus.errors import BusError, UsageError
+from servobus.families.present import model_name
 
 
 @frozen
@@ -109,5 +110,12 @@ class CsvFile:
         for one in samples:
             value = "" if one.shown is None else one.shown
             self._table.writerow(
-                (f"{one.time:.6f}", one.servo.model.key(), one.servo.id, one.name, value, unit_text(one.row))
+                (
+                    f"{one.time:.6f}",
+                    model_name(one.servo.model) or "",
+                    one.servo.id,
+                    one.name,
+                    value,
+                    unit_text(one.row),
+                )
             )

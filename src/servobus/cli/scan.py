@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servobus import Bus
+from servobus.cli.advice import note_unknown
 from servobus.cli.options import Where, as_json, id_list, on_port, open_port, verb
 from servobus.cli.output import console, note, print_json, quantity_entry
 from servobus.core.ids import LAST_ID
@@ -73,6 +74,8 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     elif not found and not broken_off:
         hint = "are they powered?" if where.baud == "all" else "are they powered? `--baud all` tries every speed"
         note(f"no servo answers (asked ids {ids}: {where}); {hint}")
+    else:
+        note_unknown(port, [(one.id, one.model) for one in found])
     if broken_off:
         raise click.exceptions.Exit(130)
 

@@ -1,6 +1,6 @@
 """The options of virtual servos as the command line shows them: made from their declarations."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import click
@@ -51,13 +51,23 @@ def option_rows(model: type[Model]) -> list[tuple[str, str]]:
 
 def write_options(formatter: click.HelpFormatter) -> None:
     """Write the options of all models, those with the same ones together."""
-    titles: dict[tuple[tuple[str, str], ...], list[str]] = {}
+    sharing: dict[tuple[tuple[str, str], ...], list[type[Model]]] = {}
     for model in MODELS.values():
         if rows := option_rows(model):
-            titles.setdefault(tuple(rows), []).append(model.title)
-    for options, names in titles.items():
-        with formatter.section(f"Options of {', '.join(names)}, such as {options[0][0]}"):
+            sharing.setdefault(tuple(rows), []).append(model)
+    for options, models in sharing.items():
+        with formatter.section(f"Options of {', '.join(_called(models))}, such as {options[0][0]}"):
             formatter.write_dl(list(options), col_max=26)
+
+
+def _called(models: Sequence[type[Model]]) -> list[str]:
+    """Name models for a heading: a whole series at once, if several are of it."""
+    names = []
+    for model in models:
+        of_series = [one for one in MODELS.values() if (one.family, one.series) == (model.family, model.series)]
+        whole = len(of_series) > 1 and all(one in models for one in of_series)
+        names.append(model.series if whole else model.title)
+    return list(dict.fromkeys(names))
 
 
 def options_text(servo: VirtualServo, *, all: bool = False) -> str:
@@ -76,7 +86,7 @@ def options_at(transport: Transport, model: type[Model], id: int) -> dict[str, s
     if not isinstance(transport, VirtualPort):
         return {}
     for servo in transport.servos:
-        if (servo.model, servo.id) == (model, id):
+        if servo.id == id and (servo.model is model or (model.generic and servo.model.family is model.family)):
             known = options_of(type(servo))
             return {name: known[name].kind.show(value) for name, value in sorted(servo.options.items())}
     return {}

@@ -16,12 +16,17 @@ def servo_entry(family: Family, model: type[Model] | None, id: int, baud: int, f
     """Say which servo is meant, and what it is; `model` is None if its model number is not known here."""
     return {
         "family": family.name,
-        "model": model.key() if model and not model.generic else None,
+        "model": model_name(model),
         "model_number": model.number if model else None,
         "id": id,
         "baud": baud,
         "firmware": firmware,
     }
+
+
+def model_name(model: type[Model] | None) -> str | None:
+    """Name the model of a servo for programs; None if it is not known."""
+    return None if model is None or model.generic else model.key()
 
 
 def figure(value: float | None, unit: str) -> str:

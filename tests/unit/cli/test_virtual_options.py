@@ -47,8 +47,8 @@ def test_what_makes_no_sense(refused: Callable[..., str]) -> None:
 @every_model
 def test_help_lists_every_option_of_every_model(key: str) -> None:
     text = CliRunner().invoke(app, ["virtual", "--help"], terminal_width=80).output
-    _, _, about = text.partition(f"Options of {MODELS[key].title}")
-    assert about
+    named = "|".join(map(re.escape, filter(None, (MODELS[key].title, MODELS[key].series))))
+    about = re.split(rf"^Options of (?:.*, )?(?:{named}),", text, maxsplit=1, flags=re.MULTILINE)[1]
     for name, option in options_of(firmware(MODELS[key])).items():
         value = option.kind.show(defaults(firmware(MODELS[key]), MODELS[key])[name])
         assert re.search(rf"^  {name}={re.escape(value)} ", about, re.MULTILINE), name
@@ -86,10 +86,10 @@ def test_the_console_sets_all_or_none(line: str, why: str) -> None:
 @every_model
 def test_info_shows_those_of_a_virtual_servo(key: str, load: Callable[..., Any], run: Run) -> None:
     port = f"virtual:{key}@1,answer_time=off?clock=virtual"
-    shown = load("info", port, "1")["options"]
+    shown = load("info", port, "1", "--model", key)["options"]
     assert shown["answer_time"] == "off"
     assert set(shown) == set(options_of(firmware(MODELS[key])))
-    text = run("info", port, "1").stdout
+    text = run("info", port, "1", "--model", key).stdout
     assert "options of this virtual servo" in text
     assert re.search(r"^answer_time +off$", text, re.MULTILINE)
 
