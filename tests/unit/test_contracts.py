@@ -95,6 +95,7 @@ VIOLATIONS = [
         for inside in ("firmware", "control", "motors")
     ],
     ("firmware", "families.herkulex.explain", "families.herkulex.control"),
+    ("firmware", "families.herkulex.verbs", "families.herkulex.answering"),
     ("firmware", "families.registry", "families.dynamixel.firmware"),
     ("firmware", "jobs.scan", "families.dynamixel.firmware"),
     ("firmware", "bus.servo", "families.lewansoul.control"),

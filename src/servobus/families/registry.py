@@ -20,8 +20,10 @@ from servobus.errors import UnknownName, UsageError
 from servobus.families.base import Family, Model
 from servobus.families.dynamixel.models.rx28 import RX28
 from servobus.families.dynamixel.models.table import UnknownDynamixel
-from servobus.families.herkulex.models.drs0602 import DRS0602
+from servobus.families.herkulex.models.magnetic import DRS0402, DRS0602
+from servobus.families.herkulex.models.small import DRS0101, DRS0201
 from servobus.families.herkulex.models.table import UnknownHerkulex
+from servobus.families.herkulex.models.x01 import DRS0401, DRS0601
 from servobus.families.lewansoul.models.lx16a import LX16A
 from servobus.families.lewansoul.models.table import UnknownLx
 from servobus.families.model import key_of
@@ -259,6 +261,7 @@ def _one_slip(one: str, other: str) -> bool:
 
 
 add(RX28, DRS0602, LX16A, UnknownDynamixel, UnknownHerkulex, UnknownLx)
+add(DRS0101, DRS0201, DRS0401, DRS0402, DRS0601)
 
 __all__ = [
     "DRS0602",

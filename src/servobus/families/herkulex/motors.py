@@ -6,7 +6,8 @@ and what none has, is said in `servobus.virtual.device.motors`.
 
 from typing import Final
 
-from servobus.virtual.physics.motor import MotorParams
+from servobus.core.units import deg
+from servobus.virtual.physics.motor import MotorParams, motor_like
 
 _DRS0602_HEAT = {
     # Assumption, the same for both sets: 4 and 13 K/W with time constants of 7 and 465 s, as a catalogue motor of
@@ -42,3 +43,11 @@ DRS0602_LOSSY: Final = MotorParams(
 
 DRS0602_SETS: Final = {"manual": DRS0602, "lossy": DRS0602_LOSSY}
 """Name of a set -> the set; the first is the default."""
+
+# Assumptions: the speeds of the sheets are open (EH-61). Those of the small models are as sellers print them, those of
+# the large ones are as that of the DRS-0602, which has the same gear ratio.
+DRS0101_SETS: Final = {"sheet": motor_like(7.4, 1.2, 60 * deg / 0.166)}
+DRS0201_SETS: Final = {"sheet": motor_like(7.4, 2.4, 60 * deg / 0.147)}
+DRS0401_SETS: Final = {"sheet": motor_like(14.8, 5.1, 60 * deg / 0.164)}
+DRS0402_SETS: Final = DRS0401_SETS
+DRS0601_SETS: Final = {"sheet": motor_like(14.8, 7.6, 60 * deg / 0.164)}
