@@ -19,7 +19,6 @@ class RX28(DynamixelTable):
     number = 28
     factory_baud = 57_600
     firmware = "servobus.families.dynamixel.firmware:Dynamixel1Servo"
-    motors = "servobus.families.dynamixel.motors:RX28_SETS"
     sheet = SpecSheet(
         maker="ROBOTIS",
         performance=(

@@ -116,7 +116,6 @@ class MagneticTable(HerkulexTable):
 class DRS0602(MagneticTable):
     title = "DRS-0602"
     number = 0x0602
-    motors = "servobus.families.herkulex.motors:DRS0602_SETS"
     sheet = SpecSheet(
         maker="Dongbu Robot",
         performance=(Performance(14.8, 7.6, 60 * deg / 0.164),),
@@ -142,7 +141,6 @@ class DRS0602(MagneticTable):
 class DRS0402(MagneticTable):
     title = "DRS-0402"
     number = 0x0402
-    motors = "servobus.families.herkulex.motors:DRS0402_SETS"
     sheet = replace(
         DRS0602.sheet,
         performance=(Performance(14.8, 5.1),),

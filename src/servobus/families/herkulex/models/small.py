@@ -79,10 +79,9 @@ class SmallTable(PotentiometerTable):
 class DRS0101(SmallTable):
     title = "DRS-0101"
     number = 0x0101
-    motors = "servobus.families.herkulex.motors:DRS0101_SETS"
     sheet = SpecSheet(
         maker="Dongbu Robot",
-        performance=(Performance(7.4, 1.2),),
+        performance=(Performance(7.4, 1.2, 60 * deg / 0.166),),
         voltage=None,
         nominal_voltage=7.4,
         temperature=(0.0, 85.0),
@@ -95,7 +94,7 @@ class DRS0101(SmallTable):
         motor="cored DC, potentiometer",
         link="TTL level, full duplex, 8N1, 57.6 to 666.7 kbit/s",
         confidence=Confidence.MEDIUM,
-        doubts=("Its speed without load is open; sellers print 0.166 s for 60° at 7.4 V (EH-61).",),
+        doubts=("Its speed without load, 0.166 s for 60° at 7.4 V, is what sellers print (EH-61).",),
     )
     model_no1 = SmallTable.model_no1.with_(default=0x01, note="EH-54")
     model_no2 = SmallTable.model_no2.with_(default=0x01)
@@ -104,15 +103,14 @@ class DRS0101(SmallTable):
 class DRS0201(SmallTable):
     title = "DRS-0201"
     number = 0x0201
-    motors = "servobus.families.herkulex.motors:DRS0201_SETS"
     sheet = replace(
         DRS0101.sheet,
-        performance=(Performance(7.4, 2.4),),
+        performance=(Performance(7.4, 2.4, 60 * deg / 0.147),),
         voltage=(7.0, 12.0),
         weight=0.060,
         gear="metal",
         motor="coreless DC, potentiometer",
-        doubts=("Its speed without load is open; sellers print 0.147 s for 60° at 7.4 V (EH-61).",),
+        doubts=("Its speed without load, 0.147 s for 60° at 7.4 V, is what sellers print (EH-61).",),
     )
     model_no1 = SmallTable.model_no1.with_(default=0x02, note="EH-54")
     model_no2 = SmallTable.model_no2.with_(default=0x01)

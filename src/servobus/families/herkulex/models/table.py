@@ -36,6 +36,7 @@ class HerkulexTable(Model):
 
     family = HERKULEX
     factory_baud = 115_200
+    motors = "servobus.families.herkulex.motors:MOTORS"
     bauds = tuple(BAUD.codes.values())
     max_move_time = LONGEST_PLAYTIME * TICK
     brakes = True

@@ -62,7 +62,6 @@ class X01Table(PotentiometerTable):
 class DRS0401(X01Table):
     title = "DRS-0401"
     number = 0x0401
-    motors = "servobus.families.herkulex.motors:DRS0401_SETS"
     sheet = SpecSheet(
         maker="Dongbu Robot",
         performance=(Performance(14.8, 5.1),),
@@ -88,7 +87,6 @@ class DRS0401(X01Table):
 class DRS0601(X01Table):
     title = "DRS-0601"
     number = 0x0601
-    motors = "servobus.families.herkulex.motors:DRS0601_SETS"
     sheet = replace(
         DRS0401.sheet,
         performance=(Performance(14.8, 7.6),),
