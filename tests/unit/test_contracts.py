@@ -133,7 +133,7 @@ VIOLATIONS = [
     ("clock", "families.stopping", "~time"),
     ("clock", "families.dynamixel.protocol", "~serial"),
     ("clock", "families.herkulex.verbs", "~time"),
-    ("clock", "families.lewansoul.models.lx16a", "~socket"),
+    ("clock", "families.lewansoul.models.lx", "~socket"),
     ("clock", "jobs.move", "~time"),
     ("clock", "jobs.scan", "~asyncio"),
     ("clock", "traffic.tracker", "~threading"),
