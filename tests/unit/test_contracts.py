@@ -102,6 +102,7 @@ VIOLATIONS = [
         for module in ("protocol", "listening", "verbs", "models")
         for inside in ("firmware", "control", "motors")
     ],
+    ("firmware", "families.herkulex.verbs", "families.herkulex.answering"),
     ("firmware", "families.registry", "families.dynamixel.firmware"),
     ("firmware", "jobs.scan", "families.dynamixel.firmware"),
     ("firmware", "bus.servo", "families.lewansoul.control"),
