@@ -103,6 +103,20 @@ class Approach:
         return self.set_point == self.goal
 
 
+class Steady:
+    """An output that stays, wherever the shaft is."""
+
+    __slots__ = ("duty",)
+
+    settled = True
+
+    def __init__(self, duty: float) -> None:
+        self.duty = duty
+
+    def output(self, position: float) -> float:  # noqa: ARG002 - it needs none
+        return self.duty
+
+
 def endless(share: float, limit: float) -> float:
     """Give the output in endless turn (3-4-3): what Moving Speed says, up to the limit."""
     return min(max(share, -limit), limit)

@@ -18,7 +18,7 @@ class RX28(DynamixelTable):
     series = "RX"
     number = 28
     factory_baud = 57_600
-    firmware = "servobus.families.dynamixel.firmware:Dynamixel1Servo"
+    firmware = "servobus.families.dynamixel.firmware:ComplianceServo"
     motors = "servobus.families.dynamixel.motors:RX28_SETS"
     sheet = SpecSheet(
         maker="ROBOTIS",
