@@ -38,12 +38,11 @@ class ComplianceServo(Dynamixel1Servo):
 
     law_registers = (
         "cw_compliance_margin", "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope", "punch",
+        "drive_mode",
     )  # fmt: skip
     law_options = ("slope_levels", "compliance_sides")
 
     def set_up(self) -> None:
-        self._last: int = self.row("goal_position").limits[1]
-        """The largest position."""
         self._whole = 2 * math.pi * self._units
         self._approach = Approach(self._measure)
 
@@ -55,6 +54,18 @@ class ComplianceServo(Dynamixel1Servo):
             if units > self._last:
                 return self._last if units < (self._last + self._whole) / 2 else 0
         return int(units + 0.5)
+
+    def _told(self, measured: int) -> int:
+        """Give the position; an EX-106+ counts on in endless turn (e-manual, Present Position)."""
+        highest = self.row("present_position").layout.range[1]
+        if self.endless and highest > self._last:
+            return math.floor(self.shaft.position * self._units + 0.5) % (highest + 1)
+        return super()._told(measured)
+
+    def _sense(self) -> None:
+        super()._sense()
+        if "sensed_current" in self.model.registers:
+            self.put_within("sensed_current", -self.shaft.current)  # ED-42: below the middle is counter-clockwise
 
     def _read_settings(self) -> ComplianceSettings:
         levels = LEVELS if self.slope_levels == "manual" else EMANUAL_LEVELS
@@ -70,10 +81,8 @@ class ComplianceServo(Dynamixel1Servo):
             ccw=ccw,
         )
 
-    def _law_of(self, now: Settings) -> Law | None:
+    def _law_of(self, now: Settings) -> Law:
         assert isinstance(now, ComplianceSettings)
-        if not now.torque:
-            return None
         if now.endless:
             return Steady(endless(now.share, now.limit))
         self._approach.tune(now.goal, now.step, now.cw, now.ccw, now.punch, now.limit)

@@ -144,7 +144,7 @@ class Dynamixel1Servo(VirtualServo):
     """Longest pause between two bytes of a packet (appendix, Byte to Byte Time)."""
 
     law_registers: ClassVar[tuple[str, ...]] = ()
-    """Registers that the law of control asks, beside `SETTINGS`."""
+    """Registers that the law of control asks, beside `SETTINGS`, where the model has them."""
     law_options: ClassVar[tuple[str, ...]] = ()
     """Options that the law of control asks."""
 
@@ -169,7 +169,8 @@ class Dynamixel1Servo(VirtualServo):
             row for row in self._rows_by_address.values() if row.name.startswith("reserved") and row.writable
         ]
         self._open = open_while_locked(self.model)
-        rows = [self.row(name) for name in (*SETTINGS, *self.law_registers)]
+        names = (*SETTINGS, *(name for name in self.law_registers if name in self.model.registers))
+        rows = [self.row(name) for name in names]
         spans = blocks(((_address(row), row.layout.size) for row in rows), gap=0, longest=len(self.memory.space(TABLE)))
         self._sources = [slice(start, start + size) for start, size in spans]
         """Bytes of the control table of which the settings are made."""
@@ -180,6 +181,8 @@ class Dynamixel1Servo(VirtualServo):
         self._units: float = 1 / self.row("present_position").decode(1)
         """Position units per rad."""
         self._per_volt: float = 1 / self.row("present_voltage").decode(1)
+        self._last: int = self.row("max_position").limits[1]
+        """The largest position within a turn."""
         self._law = None
         self._moving = self._overloaded = False
         self._strained = self._stood = 0
@@ -323,8 +326,8 @@ class Dynamixel1Servo(VirtualServo):
         if error == Error.ANGLE_LIMIT and self.goal_outside == "limited":
             row, image = self.row("goal_position"), bytearray(data)
             at = _address(row) - address
-            goal = int.from_bytes(data[at : at + row.layout.size], "little")
-            goal = max(self.get("cw_angle_limit"), min(goal, self.get("ccw_angle_limit")))
+            low, high = self.goals
+            goal = max(low, min(row.layout.unpack(data[at : at + row.layout.size]), high))
             image[at : at + row.layout.size] = row.layout.pack(goal)
             return error, bytes(image)
         return error, None if error else data
@@ -343,14 +346,12 @@ class Dynamixel1Servo(VirtualServo):
         return error
 
     def _range_error(self, row: Register[int], data: bytes) -> Error:
-        raw = int.from_bytes(data, "little")
-        if row.layout.sign_bit is not None:
-            # Moving Speed has a direction bit in endless turn only (ED-14).
-            direction = 1 << row.layout.sign_bit if self.endless else 0
-            return OK if raw & ~direction <= row.limits[1] else Error.RANGE
+        raw = row.layout.unpack(data)
         if not row.accepts(raw):
             return Error.RANGE
-        low, high = self.get("cw_angle_limit"), self.get("ccw_angle_limit")
+        if row.name == "moving_speed" and data[1] >> 2 and not self.endless:
+            return Error.RANGE  # a direction bit counts in endless turn only (ED-14)
+        low, high = self.goals
         if row.name == "goal_position" and not low <= raw <= high:
             return OK if self.endless and self.turn_goal == "kept" else Error.ANGLE_LIMIT  # ED-23, ED-34
         return OK
@@ -388,6 +389,12 @@ class Dynamixel1Servo(VirtualServo):
         self.put("present_voltage", self._volts)
         self.put("present_temperature", self._celsius)
         self.put("moving", int(self._moving))
+
+    def put_within(self, name: str, value: float) -> None:
+        """Set a register that is measured, at the end of its range where the value lies beyond."""
+        row = self.row(name)
+        low, high = row.layout.range
+        self.put(name, min(max(row.scale.encode(value), low), high))
 
     # Alarms
 
@@ -488,7 +495,7 @@ class Dynamixel1Servo(VirtualServo):
         made_of = *(table[part] for part in self._sources), *(getattr(self, name) for name in self.law_options)
         if made_of != self._made_of:
             self._made_of, self._now = made_of, self._read_settings()
-            self._law = self._law_of(self._now)
+            self._law = self._law_of(self._now) if self._now.torque else None
         return self._now
 
     def _common(self) -> dict[str, Any]:
@@ -496,7 +503,7 @@ class Dynamixel1Servo(VirtualServo):
         speed = self.get("moving_speed")
         moved: float = self.row("moving_speed").decode(abs(speed)) * self._units * self.tick
         return {
-            "torque": self.torque,
+            "torque": self.torque and not self._drive_mode & DriveMode.SLAVE,
             "endless": self.endless,
             "goal": self._meant(self.get("goal_position")),
             "step": moved if speed else math.inf,  # 3-4-2: 0 is no speed control
@@ -520,6 +527,15 @@ class Dynamixel1Servo(VirtualServo):
         return self._wheel and self.get("cw_angle_limit") == 0 and self.get("ccw_angle_limit") == 0
 
     @property
+    def goals(self) -> tuple[int, int]:
+        """The lowest and the highest goal."""
+        return self.get("cw_angle_limit"), self.get("ccw_angle_limit")
+
+    @property
+    def _drive_mode(self) -> int:
+        return self.get("drive_mode") if "drive_mode" in self.model.registers else 0
+
+    @property
     def output(self) -> float:
         """Share of the supply voltage at the motor, with direction."""
         return self.shaft.duty
@@ -541,19 +557,23 @@ class Dynamixel1Servo(VirtualServo):
 
     def _told(self, measured: int) -> int:
         """Give the position in the control table for what the sensor tells."""
-        return measured
+        return self._turned(measured)
 
     def _meant(self, goal: int) -> int:
         """Give what the sensor tells at a goal of the control table."""
-        return goal
+        return self._turned(goal)
+
+    def _turned(self, position: int) -> int:
+        """Turn a position round where the drive mode says so; endless turn knows no such direction."""
+        return self._last - position if self._drive_mode & DriveMode.REVERSE and not self.endless else position
 
     @abstractmethod
     def _read_settings(self) -> Settings:
         """Read from the registers what the law needs."""
 
     @abstractmethod
-    def _law_of(self, now: Settings) -> Law | None:
-        """Give the law that these settings ask for, tuned by them; None without torque."""
+    def _law_of(self, now: Settings) -> Law:
+        """Give the law that these settings ask for, tuned by them. The torque is on; the old law is in `_law`."""
 
     @abstractmethod
     def _arrived(self, now: Settings, *, standing: bool) -> bool:
