@@ -148,9 +148,7 @@ class Pid:
         self.sum = 0.0
         self.last = measure(position)
 
-    def tune(
-        self, gains: tuple[float, float, float], unit: float, tick: float, *, punch: float, limit: float
-    ) -> None:
+    def tune(self, gains: tuple[float, float, float], unit: float, tick: float, *, punch: float, limit: float) -> None:
         """Take the gains P, I and D as the registers have them, for units of so many rad and ticks of so many s."""
         p, i, d = gains
         scale = PROPORTIONAL * unit

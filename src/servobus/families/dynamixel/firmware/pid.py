@@ -6,8 +6,24 @@ Sources: the pages of the series in the ROBOTIS e-manual; the laws are in servob
 import math
 from dataclasses import dataclass
 
+from servobus.core.framing import Corrupt, Packet
+from servobus.core.ids import BROADCAST
+from servobus.families.base import Answers
 from servobus.families.dynamixel.control import STANDSTILL, CurrentControl, Pid
 from servobus.families.dynamixel.firmware.servo import Dynamixel1Servo, Law, Settings
+from servobus.families.dynamixel.protocol import (
+    FRAMING,
+    BulkRead,
+    Code,
+    DriveMode,
+    ReadData,
+    parse_instruction,
+)
+from servobus.virtual.device.servo import BITS, Replies
+
+SLACK = 0.001
+"""s; assumption: how much later than its settings ask for an answer may come before it counts as missing."""
+
 
 @dataclass(frozen=True, slots=True)
 class PidSettings(Settings):
@@ -38,7 +54,12 @@ class PidServo(Dynamixel1Servo):
         "torque_control_mode_enable", "goal_torque", "drive_mode",
     )  # fmt: skip
 
-    _turn = 0
+    _asked: ReadData
+    _behind = BROADCAST
+    """Id of the servo behind whose answer this one comes."""
+    _patience = -math.inf
+    """Time at which it no longer waits for that."""
+    _first = 0
     """Steps at which the turn begins from which turns are counted."""
     _frame = ""
     """In which the law in use counts positions."""
@@ -49,6 +70,55 @@ class PidServo(Dynamixel1Servo):
         self._whole = self._last + 1
         self._counts = False
 
+    # Packets
+
+    def hear(self, event: Packet | Corrupt, now: float) -> Replies:
+        self.awaits_turn = False
+        if isinstance(event, Packet) and event.id == BROADCAST and event.code == Code.BULK_READ:
+            return self._bulk_read(event, now)
+        return super().hear(event, now)
+
+    def _bulk_read(self, packet: Packet, now: float) -> Replies:
+        """Answer a BULK_READ that lists this servo: at once if it is the first, else behind the one listed before.
+
+        An id that is listed twice counts once (e-manual, Protocol 1.0, Bulk Read). Assumption: a servo before which one
+        stays silent stays silent too, once that one's time is over.
+        """
+        try:
+            request = parse_instruction(packet)
+        except ValueError:
+            return []
+        assert isinstance(request, BulkRead)
+        reads = {read.id: read for read in reversed(request.reads)}
+        before = list(dict.fromkeys(read.id for read in request.reads))
+        if self.id not in reads or self.get("status_return_level") < Answers.READS:
+            return []
+        self._asked, before = reads[self.id], before[: before.index(self.id)]
+        if not before:
+            return self._answer_bulk(now)
+        self.awaits_turn, self._behind = True, before[-1]
+        self._patience = now + sum(self._longest_answer(reads[id].length) for id in before)
+        return []
+
+    def _longest_answer(self, length: int) -> float:
+        """Give the time within which another servo has answered with so many bytes; assumption: as slow as this one."""
+        delay: float = self.row("return_delay_time").decode(254)
+        return delay + self.answer_time.high + SLACK + (FRAMING.overhead + length) * BITS / self.baud
+
+    def overhear(self, packet: Packet, now: float) -> Replies:
+        if now > self._patience:
+            self.awaits_turn = False
+        elif packet.id == self._behind:
+            self.awaits_turn = False
+            return self._answer_bulk(now)
+        return []
+
+    def _answer_bulk(self, now: float) -> Replies:
+        error, data = self._read(self._asked.address, self._asked.length)
+        if error:
+            self._alarm(error, now)
+        return [(self.return_delay, FRAMING.frame(Packet(self.id, error | self.alarms, data)))]
+
     # Position
 
     def _count(self, position: float) -> int:
@@ -57,7 +127,7 @@ class PidServo(Dynamixel1Servo):
 
     def _measure(self, position: float) -> int:
         count = self._count(position)
-        return count - self._turn if self._counts else count % self._whole
+        return count - self._first if self._counts else count % self._whole
 
     def _told(self, measured: int) -> int:
         told = self._turned(measured)
@@ -102,7 +172,7 @@ class PidServo(Dynamixel1Servo):
 
     def _read_settings(self) -> PidSettings:
         if self._multi_turn and not self._counts:
-            self._turn = self._count(self.shaft.position) // self._whole * self._whole
+            self._first = self._count(self.shaft.position) // self._whole * self._whole
         self._counts = self._multi_turn
         acceleration = self.row("goal_acceleration").decode(self.get("goal_acceleration")) * self._units * self.tick**2
         return PidSettings(
@@ -144,7 +214,9 @@ class PidServo(Dynamixel1Servo):
         return self.shaft.current
 
     def _arrived(self, now: Settings, *, standing: bool) -> bool:
-        return standing or abs(self.shaft.velocity) <= STANDSTILL
+        """Assumption: within a step of the sensor, or where friction or a load keeps it standing."""
+        error = now.goal - self._measure(self.shaft.position)
+        return standing or (abs(error) <= 1 and abs(self.shaft.velocity) <= STANDSTILL)
 
     def _sense(self) -> None:
         super()._sense()

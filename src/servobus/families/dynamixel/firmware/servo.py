@@ -24,6 +24,7 @@ from servobus.families.dynamixel.protocol import (
     Action,
     BulkRead,
     Code,
+    DriveMode,
     Error,
     Ping,
     ReadData,
@@ -226,8 +227,7 @@ class Dynamixel1Servo(VirtualServo):
         if packet.code == Code.SYNC_WRITE and packet.id != BROADCAST:
             return []  # D-50
         # The reply obeys the settings that the instruction found: old id, old level, old delay (ED-04, D-25).
-        id, answered = self.id, self._answers(packet)
-        delay: float = self.row("return_delay_time").decode(self.get("return_delay_time"))
+        id, answered, delay = self.id, self._answers(packet), self.return_delay
         if isinstance(event, Corrupt):
             answered = answered and packet.code != Code.PING and self.bad_checksum == "answered"  # 3-5-5, ED-20
             error, data = Error.CHECKSUM, b""
@@ -238,6 +238,12 @@ class Dynamixel1Servo(VirtualServo):
         if packet.id == BROADCAST:
             delay += self._turn(id, delay)
         return [(delay, FRAMING.frame(Packet(id, error | self.alarms, data)))] if answered else []
+
+    @property
+    def return_delay(self) -> float:
+        """S that an answer waits, as Return Delay Time says."""
+        delay: float = self.row("return_delay_time").decode(self.get("return_delay_time"))
+        return delay
 
     def _turn(self, id: int, delay: float) -> float:
         """Give the time that an answer to a broadcast PING waits for those of lower ids (ED-19)."""
