@@ -53,6 +53,7 @@ __all__ = [
     "fetch",
     "policy_register",
     "require_model",
+    "require_turning",
     "within",
 ]
 
@@ -593,6 +594,13 @@ def policy_register(model: type[Model]) -> Register[Any] | None:
 def cannot(target: ServoRef, what: str, why: str) -> UsageError:
     """Make the error for a verb that a family does not have."""
     return UsageError(f"{target} cannot {what}: {why}")
+
+
+def require_turning(target: ServoRef) -> None:
+    """Raise UsageError if the servo cannot turn without end, or if its model is not known."""
+    require_model(target, "turn without end")
+    if not target.model.turns:
+        raise cannot(target, "turn without end", f"the {target.model.series} series has no such mode")
 
 
 def require_model(target: ServoRef, what: str) -> None:

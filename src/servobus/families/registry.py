@@ -18,6 +18,11 @@ from typing import TypeVar
 
 from servobus.errors import UnknownName, UsageError
 from servobus.families.base import Family, Model
+from servobus.families.dynamixel.models.ax import AX12A, AX12W, AX18A
+from servobus.families.dynamixel.models.dx import DX113, DX116, DX117
+from servobus.families.dynamixel.models.ex import EX106P
+from servobus.families.dynamixel.models.mx import MX12W, MX28, MX64, MX106
+from servobus.families.dynamixel.models.rx import RX10, RX24F, RX64
 from servobus.families.dynamixel.models.rx28 import RX28
 from servobus.families.dynamixel.models.table import UnknownDynamixel
 from servobus.families.herkulex.models.drs0602 import DRS0602
@@ -259,6 +264,7 @@ def _one_slip(one: str, other: str) -> bool:
 
 
 add(RX28, DRS0602, LX16A, UnknownDynamixel, UnknownHerkulex, UnknownLx)
+add(AX12A, AX12W, AX18A, RX10, RX24F, RX64, EX106P, DX113, DX116, DX117, MX12W, MX28, MX64, MX106)
 
 __all__ = [
     "DRS0602",

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from samples import every_model
+from samples import SIMULATED, every_model
 from servobus.core.units import deg, rpm
 from servobus.families.dynamixel import motors as dynamixel
 from servobus.families.herkulex import motors as herkulex
@@ -36,7 +36,7 @@ from servobus.virtual.physics.motor import (
 )
 
 MS = 1e-3
-SETS = {key: motor_sets(model) for key, model in MODELS.items()}
+SETS = {key: motor_sets(model) for key, model in SIMULATED.items()}
 ALL = [(key, name) for key, sets in SETS.items() for name in sets]
 CONTRADICTIONS = {
     # No DC motor gives the 17 kgf·cm at 6 V of the LX-16A's product pages together with their other figures.
