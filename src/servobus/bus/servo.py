@@ -15,7 +15,7 @@ from servobus.core.exchange import Exchange, Job, Procedure
 from servobus.core.ids import check_id
 from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register
-from servobus.core.units import Flags, finite, said
+from servobus.core.units import Flags
 from servobus.core.values import replace
 from servobus.errors import BadValue, BusError, NotRestored, Restarted, UsageError
 from servobus.families.base import (
@@ -34,7 +34,7 @@ from servobus.jobs import reconfigure
 from servobus.jobs.backup import Backup, backup, restore
 from servobus.jobs.look import Snapshot, identify_at, look, verify
 from servobus.jobs.make_safe import stop
-from servobus.jobs.move import PlannedMove, plan, require_torque, start_move
+from servobus.jobs.move import PlannedMove, goal_from_here, plan_and_start
 from servobus.jobs.torque import rearm, torque_on
 from servobus.safety.safe_stop import check_safe_action
 
@@ -235,10 +235,7 @@ class Servo(Closed):
         self, angle: float, *, time: float | None = None, speed: float | None = None
     ) -> Procedure[PlannedMove]:
         """Start a move and give what is needed to wait for its end; see `move`."""
-        planned = yield from plan({self.target: angle}, time=time, speed=speed)
-        require_torque(planned)
-        yield from start_move(planned)
-        return planned
+        return plan_and_start({self.target: angle}, time=time, speed=speed)
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -246,15 +243,8 @@ class Servo(Closed):
         self, angle: float, *, time: float | None = None, speed: float | None = None
     ) -> Procedure[PlannedMove]:
         """Start a move by an angle in rad from where the servo is, and give what is needed to wait for its end."""
-        way = finite(angle)
-        if way is None:
-            raise BadValue(f"{self.target}: {said(angle)} is not a number; an angle is in radians, such as 5 * deg")
-        row = self.model.register("present_position")
-        (raw,) = yield from self.family.read(self.target, [row])
-        planned = yield from plan({self.target: row.decode(raw, self.target) + way}, time=time, speed=speed)
-        require_torque(planned)
-        yield from start_move(planned)
-        return planned
+        goal = yield from goal_from_here(self.target, angle)
+        return (yield from plan_and_start({self.target: goal}, time=time, speed=speed))
 
     @bus_method
     @urgent(Priority.MOTION)

@@ -215,8 +215,7 @@ class Model:
     generic: ClassVar[bool] = False
     """Whether it stands for servos of the family whose model is not known. A model made from it is known again."""
     motors: ClassVar[str] = ""
-    """Its sets of motor data: a dict, name of a set -> MotorParams, the first by default. A model with a sheet of its
-    own that names none gets a motor made up from that sheet, not the one of its parent."""
+    """What is known of the motors of its family: key of a model -> `MotorData`. All else is derived from the sheet."""
 
     registers: ClassVar[dict[str, Register[Any]]] = {}
     """Every row once, by its own name."""

@@ -8,8 +8,8 @@ from typing import Any
 
 from servobus.core.present import aspects, place_text
 from servobus.core.units import show, shown
-from servobus.families.base import Family, Model
-from servobus.families.model import Performance
+from servobus.families.base import Family
+from servobus.families.model import Model, Performance
 
 # Servos and models
 

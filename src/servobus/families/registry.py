@@ -167,14 +167,29 @@ def model(name: str) -> type[Model]:
 
     Raises UnknownName.
     """
-    key = key_of(name)
-    found = MODELS.get(key) or next((model for model in MODELS.values() if key in map(key_of, model.names)), None)
+    found = _called(name)
     if found is None:
         generic = {model.key(): model for model in GENERIC.values()}
-        found = generic.get(key)
+        found = generic.get(key_of(name))
         if found is None:
             raise UnknownName(_no_such("model", name, [*MODELS, *generic]))
     return found
+
+
+def simulated(name: str) -> type[Model]:
+    """Find a model that has a virtual servo, as people write it. Raises UnknownName, which offers those that have."""
+    found = _called(name)
+    if found is not None and found.firmware:
+        return found
+    if found is None and key_of(name) not in {one.key() for one in GENERIC.values()}:
+        raise UnknownName(_no_such("model", name, [key for key, one in MODELS.items() if one.firmware]))
+    raise UnknownName(f"there is no virtual servo for {name!r}; `servobus models` lists the models")
+
+
+def _called(name: str) -> type[Model] | None:
+    """Find a model by one of its names."""
+    key = key_of(name)
+    return MODELS.get(key) or next((model for model in MODELS.values() if key in map(key_of, model.names)), None)
 
 
 def family(name: str) -> Family:
@@ -283,5 +298,6 @@ __all__ = [
     "model",
     "models_of",
     "names",
+    "simulated",
     "unknown",
 ]

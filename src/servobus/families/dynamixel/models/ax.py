@@ -47,7 +47,6 @@ class AX12W(AXTable):
 
     title = "AX-12W"
     number = 300
-    firmware = ""  # its sheet tells no stall torque, of which a motor could be made
     sheet = SpecSheet(
         maker="ROBOTIS",
         performance=(Performance(12.0, None, 470 * rpm),),

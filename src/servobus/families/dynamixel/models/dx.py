@@ -48,7 +48,6 @@ class DX116(DXTable):
 
     title = "DX-116"
     number = 116
-    firmware = ""  # its sheet tells no speed, of which a motor could be made
     sheet = SpecSheet(
         maker="ROBOTIS",
         performance=(Performance(12.0, 2.1), Performance(16.0, 2.9)),

@@ -16,7 +16,6 @@ class RX28(RXTable):
 
     title = "RX-28"
     number = 28
-    motors = "servobus.families.dynamixel.motors:RX28_SETS"
     sheet = SpecSheet(
         maker="ROBOTIS",
         performance=(

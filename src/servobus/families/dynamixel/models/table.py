@@ -43,6 +43,7 @@ class DynamixelTable(Model):
     """Rows of all models. Angles and speeds have another unit from model to model: 300/1023°, 360/4096°, 251/4095°."""
 
     family = DYNAMIXEL1
+    motors = "servobus.families.dynamixel.motors:MOTORS"
     # Table in RX-28 manual 3-4-1, plus the codes in use elsewhere in the field; most likely first.
     bauds: ClassVar[tuple[int, ...]] = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
 
