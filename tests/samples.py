@@ -406,6 +406,12 @@ def ends(model: type[Model]) -> list[int]:
     return sorted(places)
 
 
+def slack(model: type[Model]) -> float:
+    """Give how far from its goal a servo may come to rest, rad: a degree, and what its compliance leaves free."""
+    free = model.register("cw_compliance_margin").default if has(model, "cw_compliance_margin") else 0
+    return 1 * deg + (free or 0) * model.sheet.resolution
+
+
 def keeps_twice(model: type[Model]) -> bool:
     """Tell whether settings are kept in EEPROM and act from a copy in RAM, which can be written alone."""
     return isinstance(model.register("max_temperature").place, EepRam)
