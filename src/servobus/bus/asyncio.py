@@ -142,6 +142,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         super().__init__(*args, **kwargs)
 
     async def __aenter__(self) -> Self:
+        self._check_open()
         return self
 
     async def __aexit__(
@@ -159,7 +160,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
             self.close()
 
     def close(self) -> None:
-        """Give the port back. Torque stays as it is."""
+        """Give the port back. Torque stays as it is. Waiting for a move in another task ends with PortError."""
         self.safety.end(safe=False)
         self._stop_listening()
         if self._reader is not None:

@@ -34,7 +34,7 @@ from servobus.families.base import Answers, Family, KnownServo, Model, StopOutco
 from servobus.families.record import SafeAction
 from servobus.jobs.look import verify
 from servobus.jobs.make_safe import stop, stop_all
-from servobus.jobs.move import PlannedMove, cancel, has_ended, plan, require_torque, start_move, wait_arrival
+from servobus.jobs.move import PlannedMove, cancel, has_ended, plan, plan_and_start, start_move, wait_arrival
 from servobus.jobs.scan import (
     FoundServo,
     Models,
@@ -338,10 +338,7 @@ class BaseBus(Closed, Generic[S]):
         self, goals: Mapping[Any, float], *, time: float | None = None, speed: float | None = None
     ) -> Procedure[PlannedMove]:
         """Plan a move, make sure that all servos have torque, and start it; see `move`."""
-        planned = yield from plan(self._goals(goals), time=time, speed=speed)
-        require_torque(planned)
-        yield from start_move(planned)
-        return planned
+        return plan_and_start(self._goals(goals), time=time, speed=speed)
 
     @bus_method
     def wait_arrival(self, move: PlannedMove, timeout: float | None = None) -> Procedure[None]:
@@ -392,16 +389,18 @@ class BaseBus(Closed, Generic[S]):
     @bus_method
     @urgent(Priority.MOTION)
     def _take_hold(self, servos: Sequence[S], taken: list[S]) -> Procedure[None]:
-        """Switch the torque of these servos on, as `torque_on`; those that had it off are put into `taken`."""
+        """Switch the torque of these servos on, as `torque_on`; those that had it off are put into `taken`.
+
+        One that is refused before anything is told to it is not among those.
+        """
         for servo in servos:
             yield SetBaud(servo.baud)
-            on = False
-            if servo.target.answers is not Answers.NOTHING:
-                on = (yield from servo.family.motion_status(servo.target)).torque
-            servo.permit.mark_moving()
-            if not on:
-                taken.append(servo)
-            yield from servo.family.torque(servo.target, on=True)
+            had_torque = (yield from servo.family.read_torque(servo.target)).on
+            try:
+                yield from servo.family.torque(servo.target, on=True)
+            finally:
+                if servo.permit.driven and not had_torque:
+                    taken.append(servo)
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -609,6 +608,11 @@ class BaseBus(Closed, Generic[S]):
     def _firm(self) -> float:
         """Give how long a stop waits, in s, for a job that it has interrupted."""
         return TAKEOVER_TIMEOUT
+
+    def _check_open(self) -> None:
+        """Raise UsageError on a bus that was closed: a `with` block would begin without a port."""
+        if self.safety.closed:
+            raise UsageError(f"{self.transport.name} is closed; open it anew, or call reopen() first")
 
     def _new_link(self, stats: Stats | None = None) -> Link:
         return Link(

@@ -15,7 +15,7 @@ from servobus.core.exchange import Exchange, Job, Procedure
 from servobus.core.ids import check_id
 from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register
-from servobus.core.units import Flags, finite, said
+from servobus.core.units import Flags
 from servobus.core.values import replace
 from servobus.errors import BadValue, BusError, NotRestored, Restarted, UsageError
 from servobus.families.base import (
@@ -27,13 +27,14 @@ from servobus.families.base import (
     StopOutcome,
     policy_register,
     require_model,
+    require_turning,
 )
 from servobus.families.record import MotionPermit, SafeAction, ServoRecord, check_max_step
 from servobus.jobs import reconfigure
 from servobus.jobs.backup import Backup, backup, restore
 from servobus.jobs.look import Snapshot, identify_at, look, verify
-from servobus.jobs.make_safe import stop
-from servobus.jobs.move import PlannedMove, plan, require_torque, start_move
+from servobus.jobs.make_safe import give_back, stop
+from servobus.jobs.move import PlannedMove, goal_from_here, plan_and_start
 from servobus.jobs.torque import rearm, torque_on
 from servobus.safety.safe_stop import check_safe_action
 
@@ -234,10 +235,7 @@ class Servo(Closed):
         self, angle: float, *, time: float | None = None, speed: float | None = None
     ) -> Procedure[PlannedMove]:
         """Start a move and give what is needed to wait for its end; see `move`."""
-        planned = yield from plan({self.target: angle}, time=time, speed=speed)
-        require_torque(planned)
-        yield from start_move(planned)
-        return planned
+        return plan_and_start({self.target: angle}, time=time, speed=speed)
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -245,15 +243,8 @@ class Servo(Closed):
         self, angle: float, *, time: float | None = None, speed: float | None = None
     ) -> Procedure[PlannedMove]:
         """Start a move by an angle in rad from where the servo is, and give what is needed to wait for its end."""
-        way = finite(angle)
-        if way is None:
-            raise BadValue(f"{self.target}: {said(angle)} is not a number; an angle is in radians, such as 5 * deg")
-        row = self.model.register("present_position")
-        (raw,) = yield from self.family.read(self.target, [row])
-        planned = yield from plan({self.target: row.decode(raw, self.target) + way}, time=time, speed=speed)
-        require_torque(planned)
-        yield from start_move(planned)
-        return planned
+        goal = yield from goal_from_here(self.target, angle)
+        return (yield from plan_and_start({self.target: goal}, time=time, speed=speed))
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -295,7 +286,10 @@ class Servo(Closed):
         is lost or makes no sense, or it refuses. Raises BusError, NoReply among them, only if nothing shows that even
         this has arrived: then it may still move. One whose torque is off already is left so.
         """
-        return stop(self.target)
+        outcome = yield from stop(self.target)
+        if not outcome.let_go:
+            yield from give_back(self.target)
+        return outcome
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -304,7 +298,7 @@ class Servo(Closed):
 
         The torque must be on already. Raises TorqueOff, BadValue or UsageError before anything moves.
         """
-        require_model(self.target, "turn without end")
+        require_turning(self.target)
         if speed is None and output is None:
             example = "speed=20 * rpm" if self.model.turns_at_speed() else "output=0.3"
             raise UsageError(f"{self.target}: say how fast, as in turn({example})")

@@ -9,17 +9,18 @@ from servobus.cli.options import (
     SHARE,
     SPEED,
     Where,
+    as_json,
     find,
     on_servo,
     open_port,
     signals_as_interrupt,
     verb,
 )
-from servobus.cli.output import note, warn_alarms
+from servobus.cli.output import note, print_json, quantity_entry, warn_alarms
 from servobus.cli.stop import stop_all
 from servobus.core.units import show
 from servobus.errors import BadValue, UsageError
-from servobus.families.base import require_model
+from servobus.families.base import require_model, require_turning
 
 
 @verb(
@@ -34,6 +35,7 @@ from servobus.families.base import require_model
 @click.option("--speed", type=SPEED, metavar="DEG/S", help="Speed, where the servo controls its speed.")
 @click.option("--end", is_flag=True, help="Stop turning and hold the position: back to angles.")
 @click.option("--limits", type=ANGLE, nargs=2, metavar="LOW HIGH", help="With --end: angle limits to set again.")
+@as_json
 def turn(
     port: str,
     id: int,
@@ -42,6 +44,7 @@ def turn(
     speed: float | None,
     end: bool,
     limits: tuple[float, float] | None,
+    json: bool,
 ) -> None:
     """Turn the servo ID on PORT without end, as a wheel, until it is stopped.
 
@@ -60,10 +63,14 @@ def turn(
             if limits is not None:
                 _check_limits(servo, *limits)
             servo.position_mode(limits)
-            click.echo(f"{servo.target} takes angles again; it is at {_position_text(servo)}")
+            here: float = servo.read("present_position")
+            if json:
+                print_json({"turning": False, "position": quantity_entry(here, "rad")})
+            else:
+                click.echo(f"{servo.target} takes angles again; it is at {show(here, 'rad')}")
         else:
             _check_option(servo, speed)
-            _turn(bus, servo, where, output, speed)
+            _turn(bus, servo, where, output, speed, json=json)
         warn_alarms(servo)
 
 
@@ -76,14 +83,14 @@ def _check_limits(servo: BusServo, low: float, high: float) -> None:
 
 
 def _check_option(servo: BusServo, speed: float | None) -> None:
-    require_model(servo.target, "turn without end")
+    require_turning(servo.target)
     if servo.model.turns_at_speed() and speed is None:
         raise UsageError(f"{servo.target} controls the speed at which it turns: give --speed DEG/S")
     if speed is not None and not servo.model.turns_at_speed():
         raise UsageError(f"{servo.target} cannot control the speed at which it turns: give --output PERCENT")
 
 
-def _turn(bus: Bus, servo: BusServo, where: Where, output: float | None, speed: float | None) -> None:
+def _turn(bus: Bus, servo: BusServo, where: Where, output: float | None, speed: float | None, *, json: bool) -> None:
     motion_status = bus.do(servo.family.motion_status(servo.target), baud=servo.baud)
     port = bus.transport.name
     low, high = (
@@ -115,11 +122,12 @@ def _turn(bus: Bus, servo: BusServo, where: Where, output: float | None, speed: 
     except KeyboardInterrupt:
         stop_all(bus, [servo])
         raise click.exceptions.Exit(130) from None
+    if json:
+        asked = {"output": (output, "1"), "speed": (speed, "rad/s")}
+        said = {name: quantity_entry(value, unit) for name, (value, unit) in asked.items() if value is not None}
+        print_json({"turning": True, **said})
+        return
     pace = show(speed, "rad/s") if speed is not None else show(output or 0.0, "1") + " of full output"
     click.echo(f"{servo.target} turns at {pace}; `{command_for(servo, where, 'stop', port, servo.id)}` stops it")
     if not motion_status.turning and not gives_up:
         note(back)
-
-
-def _position_text(servo: BusServo) -> str:
-    return show(servo.read(servo.model.register("present_position")), "rad")

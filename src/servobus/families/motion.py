@@ -84,6 +84,12 @@ def no_torque(target: ServoRef, shutdown: str) -> TorqueOff:
     )
 
 
+def check_torque(target: ServoRef, status: MotionStatus) -> None:
+    """Raise TorqueOff if the servo has no torque, so that it would not move."""
+    if not status.torque:
+        raise no_torque(target, status.shutdown)
+
+
 def turns(target: ServoRef) -> UsageError:
     """Make the error for a goal that a servo in endless turn would not follow."""
     return UsageError(
@@ -146,6 +152,16 @@ def check_awake(target: KnownServo) -> None:
         raise Restarted(f"{target} has restarted, and is not moved before torque_on() or rearm()")
 
 
+def about_to_turn(target: KnownServo) -> Procedure[MotionStatus]:
+    """Make sure that the servo would turn, and take note that it does. Raises TorqueOff, Stopped or Restarted."""
+    target.permit.ask()
+    check_awake(target)
+    status = yield from target.model.family.motion_status(target)
+    check_torque(target, status)
+    begin_motion(target)
+    return status
+
+
 ASKED_FOR = {Motion.GOAL, Motion.SPEED, Motion.MODE}
 """Writes that are commands of motion; others may move the servo beside what they set."""
 
@@ -164,7 +180,7 @@ def movement(target: KnownServo, values: Mapping[Register[Any], int]) -> Procedu
     status = yield from target.model.family.motion_status(target)
     after = _limits_after(target, status, values)
     if Motion.LIMIT in rows:
-        yield from _check_limits(target, status, after)
+        yield from _check_new_limits(target, status, after)
     if Motion.MODE in rows:
         after = replace(after, turning=bool(values[rows[Motion.MODE]]))
         if status.turning and not after.turning and status.torque:
@@ -187,7 +203,7 @@ def _limits_after(target: ServoRef, status: MotionStatus, values: Mapping[Regist
     return replace(status, low=low, high=high, turning=turning)
 
 
-def _check_limits(target: ServoRef, status: MotionStatus, after: MotionStatus) -> Procedure[None]:
+def _check_new_limits(target: ServoRef, status: MotionStatus, after: MotionStatus) -> Procedure[None]:
     """Refuse limits that would move a servo with torque. Raises UsageError."""
     if not status.torque or after is status:
         return
@@ -213,13 +229,11 @@ def _way(
     match row.motion:
         case Motion.GOAL:
             check_awake(target)
-            if not status.torque:
-                raise no_torque(target, status.shutdown)
+            check_torque(target, status)
             return check_goal(target, after, raw)
         case Motion.SPEED | Motion.MODE if raw and after.turning:
             check_awake(target)
-            if not status.torque:
-                raise no_torque(target, status.shutdown)
+            check_torque(target, status)
             return 0.0
         case Motion.ZERO if status.torque and not status.turning:
             (old,) = yield from target.model.family.read(target, [row])

@@ -18,6 +18,11 @@ from typing import TypeVar
 
 from servobus.errors import UnknownName, UsageError
 from servobus.families.base import Family, Model
+from servobus.families.dynamixel.models.ax import AX12A, AX12W, AX18A
+from servobus.families.dynamixel.models.dx import DX113, DX116, DX117
+from servobus.families.dynamixel.models.ex import EX106P
+from servobus.families.dynamixel.models.mx import MX12W, MX28, MX64, MX106
+from servobus.families.dynamixel.models.rx import RX10, RX24F, RX64
 from servobus.families.dynamixel.models.rx28 import RX28
 from servobus.families.dynamixel.models.table import UnknownDynamixel
 from servobus.families.herkulex.models.drs0602 import DRS0602
@@ -162,14 +167,29 @@ def model(name: str) -> type[Model]:
 
     Raises UnknownName.
     """
-    key = key_of(name)
-    found = MODELS.get(key) or next((model for model in MODELS.values() if key in map(key_of, model.names)), None)
+    found = _called(name)
     if found is None:
         generic = {model.key(): model for model in GENERIC.values()}
-        found = generic.get(key)
+        found = generic.get(key_of(name))
         if found is None:
             raise UnknownName(_no_such("model", name, [*MODELS, *generic]))
     return found
+
+
+def simulated(name: str) -> type[Model]:
+    """Find a model that has a virtual servo, as people write it. Raises UnknownName, which offers those that have."""
+    found = _called(name)
+    if found is not None and found.firmware:
+        return found
+    if found is None and key_of(name) not in {one.key() for one in GENERIC.values()}:
+        raise UnknownName(_no_such("model", name, [key for key, one in MODELS.items() if one.firmware]))
+    raise UnknownName(f"there is no virtual servo for {name!r}; `servobus models` lists the models")
+
+
+def _called(name: str) -> type[Model] | None:
+    """Find a model by one of its names."""
+    key = key_of(name)
+    return MODELS.get(key) or next((model for model in MODELS.values() if key in map(key_of, model.names)), None)
 
 
 def family(name: str) -> Family:
@@ -259,6 +279,7 @@ def _one_slip(one: str, other: str) -> bool:
 
 
 add(RX28, DRS0602, LX16A, UnknownDynamixel, UnknownHerkulex, UnknownLx)
+add(AX12A, AX12W, AX18A, RX10, RX24F, RX64, EX106P, DX113, DX116, DX117, MX12W, MX28, MX64, MX106)
 
 __all__ = [
     "DRS0602",
@@ -277,5 +298,6 @@ __all__ = [
     "model",
     "models_of",
     "names",
+    "simulated",
     "unknown",
 ]

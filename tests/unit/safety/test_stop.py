@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 import servobus
-from samples import can_be_silenced, every_model, models_that, turning
-from servobus import MODELS, NoReply, StopFailed, UnknownName, deg
+from samples import can_be_silenced, can_turn, every_model, models_that, turning
+from servobus import MODELS, NoReply, StopFailed, TorqueOff, UnknownName, deg
 from servobus.families.base import Answers
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.serve.inprocess import VirtualPort
@@ -124,7 +124,7 @@ def test_S2_a_refused_goal_is_no_reason_to_go_on(key: str) -> None:
     assert stands(servo._bus.transport)
 
 
-@every_model
+@models_that(can_turn)
 def test_S2_endless_turn_is_ended(key: str) -> None:
     servo = virtual(f"{key}@1").find(1)
     servo.torque_on()
@@ -334,6 +334,67 @@ def test_a_torque_block_leaves_on_what_was_on_before(key: str, whole: bool) -> N
         pass
     port.sleep(0.1)
     assert port.servos[0].torque
+
+
+@every_model
+@pytest.mark.parametrize("action", [None, "hold", "free", "brake"])
+def test_a_servo_whose_torque_was_refused_is_not_driven_and_left_alone(key: str, action: Any) -> None:
+    bus = virtual(f"{key}@1,{key}@2")
+    one, two = bus.scan(ids=[1, 2], family=MODELS[key].family)
+    if action is not None:
+        if action == "brake" and not one.model.brakes:
+            pytest.skip("nothing in it shorts the motor")
+        bus.safe_action = action
+    real = bus.transport.servos[1]
+    bus.torque_on()
+    real.temperature = 110.0
+    bus.transport.sleep(1.0)
+    bus.torque_off()
+    two.record.forget()
+    before = two.read("torque_enable")
+    with pytest.raises(TorqueOff), bus.torque([2, 1]):
+        pytest.fail("the block was entered")
+    assert not two.record.ram, "it was told something"
+    assert two.read("torque_enable") == before
+    for servo in (one, two):
+        assert not servo.permit.driven
+    assert not any(servo.torque for servo in bus.transport.servos)
+
+
+@every_model
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_servo_whose_torque_may_have_come_on_is_let_go(key: str, whole: bool, monkeypatch: Any) -> None:
+    bus = virtual(f"{key}@1")
+    servo = bus.find(1)
+    family = type(servo.family)
+    switch_on = family.switch_on
+
+    def lost(*args: Any) -> Any:
+        yield from switch_on(*args)
+        assert bus.transport.servos[0].torque
+        raise NoReply("the answer was lost")
+
+    monkeypatch.setattr(family, "switch_on", lost)
+    with pytest.raises(NoReply, match="was lost"), bus.torque() if whole else servo.torque():
+        pytest.fail("the block was entered")
+    bus.transport.sleep(0.1)
+    assert not bus.transport.servos[0].torque
+    assert not servo.permit.driven
+
+
+@every_model
+@pytest.mark.parametrize("verb", ["move", "cycle"])
+def test_a_move_that_one_servo_must_not_make_marks_none_as_driven(key: str, verb: str) -> None:
+    bus = virtual(f"{key}@1,{key}@2")
+    one, two = bus.scan(ids=[1, 2], family=MODELS[key].family)
+    goals = {servo: servo.state.position for servo in (one, two)}
+    bus.torque_on()
+    bus.make_safe("hold")
+    assert not bus.safety.drives()
+    two.permit.inhibited = "it is too hot"
+    with pytest.raises(servobus.Stopped, match="too hot"):
+        bus.start_move(goals) if verb == "move" else bus.cycle("present_position").run(goals)
+    assert not bus.safety.drives()
 
 
 # Thresholds

@@ -22,7 +22,7 @@ from servobus.core.units import show
 from servobus.errors import BadValue, UnknownName, UsageError
 from servobus.families.model import Model
 from servobus.virtual.device.memory import Memory
-from servobus.virtual.device.motors import motor
+from servobus.virtual.device.motors import motor, supply
 from servobus.virtual.device.options import NO_TIME, Option, Reading, Span, Times, defaults, read_options
 from servobus.virtual.device.references import resolve
 from servobus.virtual.physics.motor import no_load_speed
@@ -89,10 +89,10 @@ class VirtualServo(ABC):
         """Take a servo out of its box, give it an id, and switch it on.
 
         id           None leaves the factory id
-        voltage      supply in V; by default the nominal voltage, or the middle of what the model allows
+        voltage      supply in V; by default the nominal voltage, the middle of what the model allows, or its sibling's
         temperature  of the case, degC
         position     of the shaft, rad; `home` by default
-        motor_set    name of a set of motor data, see `Model.motors`; the first by default
+        motor_set    name of a set of motor data, see `servobus.virtual.device.motors`; `manual` by default
         reading      "practice" or "manual": what its options are at first, see servobus.virtual.device.options
         options      options with other values: name -> value, or the word for it
         memory       what registers of its EEPROM hold: name -> raw value. It need not be one that a host could write:
@@ -108,11 +108,10 @@ class VirtualServo(ABC):
         if id is not None:
             self.memory.store(model.register("id"), check_id(id))
         self.memory.hold(memory or {})
-        supply = model.sheet.supply if voltage is None else voltage
-        if supply is None:
-            raise UsageError(f"the supply of a {model.title} is not known; give a virtual one its voltage, in V")
         start = self.home if position is None else position
-        self.shaft = Shaft(motor(model, motor_set), start, self.tick, Rail(supply))
+        self.shaft = Shaft(
+            motor(model, motor_set), start, self.tick, Rail(supply(model)[0] if voltage is None else voltage)
+        )
         self.temperature = temperature
         self.deaf_until = -math.inf
         self.powered = False

@@ -22,7 +22,6 @@ class DRS0602(HerkulexTable):
     factory_baud = 115_200
     turn_scale = Quantity("rad/s", 0.62 * deg)  # 6-5
     firmware = "servobus.families.herkulex.firmware:HerkulexServo"
-    motors = "servobus.families.herkulex.motors:DRS0602_SETS"
     sheet = SpecSheet(
         maker="Dongbu Robot",
         performance=(Performance(14.8, 7.6, 60 * deg / 0.164),),

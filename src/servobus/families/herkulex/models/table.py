@@ -35,6 +35,7 @@ class HerkulexTable(Model):
     """
 
     family = HERKULEX
+    motors = "servobus.families.herkulex.motors:MOTORS"
     bauds = tuple(BAUD.codes.values())
     max_move_time = LONGEST_PLAYTIME * TICK
     brakes = True

@@ -15,7 +15,6 @@ class LX16A(LxTable):
     title = "LX-16A"
     series = "LX"
     firmware = "servobus.families.lewansoul.firmware:LewansoulServo"
-    motors = "servobus.families.lewansoul.motors:LX16A_SETS"
     # The protocol document has no specification. Figures of the maker's and resellers' product pages; some
     # of these give 15 and 17 kgf·cm instead. The two torque points cannot both be right for a DC motor.
     sheet = SpecSheet(

@@ -20,6 +20,7 @@ class LxTable(Model):
     """Rows of all models."""
 
     family = LEWANSOUL
+    motors = "servobus.families.lewansoul.motors:MOTORS"
     number = None
     factory_baud = BAUD
     bauds = (BAUD,)
