@@ -16,8 +16,9 @@ from typing import Any
 from servobus import MODELS
 from servobus.cli.virtual_motors import miss_text
 from servobus.cli.virtual_options import option_entries
+from servobus.core.present import unit_step_text
 from servobus.core.registers import Access, Area, Int, Register
-from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Switch, deg, rpm, show, shown
+from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Switch, Thermistor, deg, rpm, show, shown
 from servobus.families.base import Model
 from servobus.families.present import differences
 from servobus.virtual.device.motor_set import MotorSet
@@ -317,6 +318,8 @@ def _step(row: Register[Any]) -> str:
             return f"{on} is on"
         case BaudDivisor() | Lookup():
             return "[speed code](#bus-speeds)"
+    if isinstance(row.scale, Thermistor):
+        return unit_step_text(row)
     if not isinstance(row.scale, Quantity):
         return f"1 {row.unit}" if row.unit else "1"
     if row.unit == "s" and row.scale.step < 1e-4:
@@ -332,12 +335,13 @@ def _codes(model: type[Model]) -> Iterator[str]:
     users: dict[Any, list[str]] = {}
     for row in model.registers.values():
         if isinstance(row.scale, Choice | Flags):
-            users.setdefault(row.scale.options, []).append(f"`{row.name}`")
-    for options, names in users.items():
+            members = row.scale.used if isinstance(row.scale, Flags) else tuple(row.scale.options)
+            users.setdefault((row.scale.options, members), []).append(f"`{row.name}`")
+    for (options, members), names in users.items():
         yield f"## {options.__name__}"
         kind = "One of these" if issubclass(options, IntEnum) else "Any of these bits"
         yield f"{kind}, in {', '.join(names)}. {_linked(_clean(options.__doc__ or ''))}"
-        rows = [(f"{option:d}", f"{option:#04x}", f"`{option.name.lower()}`") for option in options]
+        rows = [(f"{option:d}", f"{option:#04x}", f"`{option.name.lower()}`") for option in members]
         yield _table(("Raw", "Hex", "Name"), rows)
     baud = model.optional("baud")
     if baud is None:
@@ -429,7 +433,7 @@ def imports(room: str) -> set[str]:
     files = [SOURCE / f"{room}.py"] if (SOURCE / f"{room}.py").exists() else sorted((SOURCE / room).rglob("*.py"))
     used: set[str] = set()
     for file in files:
-        if room != "families" or file.stem not in ("firmware", "control", "motors"):
+        if room != "families" or file.stem not in ("firmware", "answering", "control", "motors"):
             used |= set(_imported(ast.walk(ast.parse(file.read_text(encoding="utf-8")))))
     return used - {room}
 
