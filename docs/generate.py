@@ -14,14 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from servobus import MODELS
-from servobus.cli.virtual_motors import miss_text
+from servobus.cli.virtual_motors import field_word, miss_text
 from servobus.cli.virtual_options import option_entries
 from servobus.core.present import unit_step_text
 from servobus.core.registers import Access, Area, Int, Register
 from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Switch, Thermistor, deg, rpm, show, shown
 from servobus.families.base import Model
 from servobus.families.present import differences
-from servobus.virtual.device.motor_set import MotorSet
+from servobus.virtual.device.motor_set import HEAT, MotorSet
 from servobus.virtual.device.motors import misses, motor_sets, supply
 
 DOCS = Path(__file__).parent
@@ -180,7 +180,7 @@ def _motor(model: type[Model]) -> Iterator[str]:
     )
     yield "\n".join(f"- `{name}`: {one.text}." for name, one in sets.items())
     if missed := misses(model):
-        yield "Figures that contradict the others, and are not bent:"
+        yield "Printed figures that the motor does not meet:"
         yield "\n".join(f"- {miss_text(miss)}." for miss in missed)
 
 
@@ -208,7 +208,16 @@ def _parameter(name: str, sets: Mapping[str, MotorSet]) -> Iterator[tuple[str, .
     origins = {str(one.origins[name]): set_name for set_name, one in reversed(sets.items()) if name in one.origins}
     told = list(reversed(origins.items()))
     text = told[0][0] if len(told) == 1 else "; ".join(f"`{set_name}` {origin}" for origin, set_name in told)
-    yield (name.replace("_", " "), *(f"{getattr(one.params, name) * factor:.3g}" for one in sets.values()), unit, text)
+    yield (
+        field_word(name) if name not in HEAT else name.replace("_", " "),
+        *(_number(getattr(one.params, name) * factor) for one in sets.values()),
+        unit,
+        text,
+    )
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if value >= 1000 else f"{value:.3g}"
 
 
 def _sheet(model: type[Model]) -> Iterator[tuple[str, str]]:
