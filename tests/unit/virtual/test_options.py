@@ -26,7 +26,10 @@ def declared(model: type[Model]) -> dict[str, Option[Any]]:
     return options_of(firmware(model))
 
 
-EVERY = [(key, name) for key, model in SIMULATED.items() for name in declared(model)]
+FIRMWARES = {firmware(model): key for key, model in reversed(SIMULATED.items())}
+"""Each firmware, with the first model that has it."""
+FIRST = sorted(FIRMWARES.values(), key=list(SIMULATED).index)
+EVERY = [(key, name) for key in FIRST for name in declared(MODELS[key])]
 
 
 def values_of(option: Option[Any]) -> list[str]:
@@ -389,7 +392,7 @@ def test_every_value_of_every_option_has_an_effect(key: str, name: str) -> None:
 
 def variants() -> list[str]:
     """Give the word behind a port's name for each reading, and for each option that is otherwise."""
-    made = [f"{key}@1?as={reading}" for key in SIMULATED for reading in READINGS]
+    made = [f"{key}@1?as={reading}" for key in FIRST for reading in READINGS]
     for key, name in EVERY:
         option = declared(MODELS[key])[name]
         usual = option.kind.show(defaults(firmware(MODELS[key]), MODELS[key])[name])
