@@ -87,6 +87,11 @@ class LineClock:
         delay = exchange.max_delay * max(len(exchange.replies), 1)
         return (1 + exchange.framing.baud_tolerance) * (delay + exchange.reply_size * self.byte_time)
 
+    def longest_wait(self, exchange: Exchange[Any]) -> float:
+        """Tell how long one of several replies may take at most from the moment at which the last one was here, s."""
+        longest = exchange.framing.overhead + max(max(reply.sizes) for reply in exchange.replies)
+        return (1 + exchange.framing.baud_tolerance) * (exchange.max_delay + longest * self.byte_time)
+
     def timing(self, exchange: Exchange[Any], counts: Counts) -> Timing:
         """Work out the times of an exchange at the present speed, at which it is about to be sent."""
         self._used = True
