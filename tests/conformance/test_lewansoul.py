@@ -19,7 +19,7 @@ from servobus.core.framing import Packet
 from servobus.core.units import deg
 from servobus.errors import UsageError
 from servobus.families.lewansoul.firmware import LewansoulServo
-from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.families.lewansoul.models.lx import LX16A
 from servobus.virtual.device.motors import motor
 from servobus.virtual.device.servo import VirtualServo, virtual_servo
 from servobus.virtual.physics.motor import Load, no_load_speed, operating_point

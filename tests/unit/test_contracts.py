@@ -102,6 +102,7 @@ VIOLATIONS = [
         for module in ("protocol", "listening", "verbs", "models")
         for inside in ("firmware", "control", "motors")
     ],
+    ("firmware", "families.herkulex.verbs", "families.herkulex.answering"),
     ("firmware", "families.registry", "families.dynamixel.firmware"),
     ("firmware", "jobs.scan", "families.dynamixel.firmware"),
     ("firmware", "bus.servo", "families.lewansoul.control"),
@@ -132,7 +133,7 @@ VIOLATIONS = [
     ("clock", "families.stopping", "~time"),
     ("clock", "families.dynamixel.protocol", "~serial"),
     ("clock", "families.herkulex.verbs", "~time"),
-    ("clock", "families.lewansoul.models.lx16a", "~socket"),
+    ("clock", "families.lewansoul.models.lx", "~socket"),
     ("clock", "jobs.move", "~time"),
     ("clock", "jobs.scan", "~asyncio"),
     ("clock", "traffic.tracker", "~threading"),

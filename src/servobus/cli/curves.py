@@ -25,7 +25,7 @@ from servobus.cli.options import (
 from servobus.cli.output import console
 from servobus.cli.samples import CsvFile, Sample, Sampler
 from servobus.core.present import unit_text
-from servobus.core.units import Quantity
+from servobus.core.units import Measure
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -149,5 +149,5 @@ def _number(sample: Sample) -> float:
     """Give a value as the height of a point, in the unit that is shown; nan where none came."""
     if sample.error is not None:
         return math.nan
-    value = sample.shown if isinstance(sample.row.scale, Quantity) else sample.value
+    value = sample.shown if isinstance(sample.row.scale, Measure) else sample.value
     return float(value)

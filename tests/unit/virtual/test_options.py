@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from conformance.wire import Wire, dxl, lx
-from samples import every_model, turning
+from samples import SIMULATED, every_model, turning
 from servobus import LX16A, MODELS, RX28, Bus, UsageError, deg
 from servobus.errors import BadValue
 from servobus.families.base import Model
@@ -20,14 +20,16 @@ from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import Group, Setup, parse_specs, parse_url
 
 DECISIONS = Path(__file__).parents[3] / "docs" / "decisions.md"
-SIMULATED = {key: model for key, model in MODELS.items() if model.firmware}
 
 
 def declared(model: type[Model]) -> dict[str, Option[Any]]:
     return options_of(firmware(model))
 
 
-EVERY = [(key, name) for key, model in SIMULATED.items() for name in declared(model)]
+FIRMWARES = {firmware(model): key for key, model in reversed(SIMULATED.items())}
+"""Each firmware, with the first model that has it."""
+FIRST = sorted(FIRMWARES.values(), key=list(SIMULATED).index)
+EVERY = [(key, name) for key in FIRST for name in declared(MODELS[key])]
 
 
 def values_of(option: Option[Any]) -> list[str]:
@@ -390,7 +392,7 @@ def test_every_value_of_every_option_has_an_effect(key: str, name: str) -> None:
 
 def variants() -> list[str]:
     """Give the word behind a port's name for each reading, and for each option that is otherwise."""
-    made = [f"{key}@1?as={reading}" for key in SIMULATED for reading in READINGS]
+    made = [f"{key}@1?as={reading}" for key in FIRST for reading in READINGS]
     for key, name in EVERY:
         option = declared(MODELS[key])[name]
         usual = option.kind.show(defaults(firmware(MODELS[key]), MODELS[key])[name])

@@ -73,7 +73,7 @@ _LARGER = {
     "winding_capacity": 5 / 10 * (165 / 72),
     "case_capacity": 270 / 30 * (165 / 72),
 }
-_LARGER_FROM = taken_over("how it warms, by the weight, of the RX-28, 72 g to 165 g")
+_LARGER_FROM = taken_over("the RX-28", "how it warms, by the weight, 72 g to 165 g")
 
 MX64_MEASURED: Final = motor_set(
     MotorParams(
