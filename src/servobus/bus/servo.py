@@ -27,6 +27,7 @@ from servobus.families.base import (
     StopOutcome,
     policy_register,
     require_model,
+    require_turning,
 )
 from servobus.families.record import MotionPermit, SafeAction, ServoRecord, check_max_step
 from servobus.jobs import reconfigure
@@ -297,7 +298,7 @@ class Servo(Closed):
 
         The torque must be on already. Raises TorqueOff, BadValue or UsageError before anything moves.
         """
-        require_model(self.target, "turn without end")
+        require_turning(self.target)
         if speed is None and output is None:
             example = "speed=20 * rpm" if self.model.turns_at_speed() else "output=0.3"
             raise UsageError(f"{self.target}: say how fast, as in turn({example})")

@@ -27,7 +27,7 @@ from servobus.families.motion import (
     no_torque,
 )
 from servobus.families.reading import Reading, adjacent, blocks, fetch, within
-from servobus.families.refusal import cannot, check_output, require_model
+from servobus.families.refusal import cannot, check_output, require_model, require_turning
 from servobus.families.stopping import LIMP, TRIES, TURNS_NO_MORE, StopOutcome
 from servobus.families.target import Answers, KnownServo, ServoRef
 
@@ -56,6 +56,7 @@ __all__ = [
     "fetch",
     "policy_register",
     "require_model",
+    "require_turning",
     "within",
 ]
 

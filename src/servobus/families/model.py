@@ -201,6 +201,8 @@ class Model:
     """Longest time in seconds that one timed move can take; None if moves are given by speed."""
     turn_scale: ClassVar[Quantity]
     """Scale of the number that turns it without end: a speed ("rad/s"), or a share of full output ("1")."""
+    turns: ClassVar[bool] = True
+    """Whether it can turn without end."""
     limit_pairs: ClassVar[tuple[LimitPair, ...]] = (POSITION_LIMITS, VOLTAGE_LIMITS)
     """Registers of which one must be below the other."""
     brakes: ClassVar[bool] = False
