@@ -302,6 +302,10 @@ def sample_of(key: str) -> Sample:
     return SAMPLES[MODELS[key].family.name]
 
 
+SIMULATED: dict[str, type[Model]] = {key: model for key, model in MODELS.items() if model.firmware}
+"""The models of which there is a virtual servo. Tests that need one run over these, those of tables over MODELS."""
+
+
 # What a model can, by its own table
 
 
@@ -402,6 +406,12 @@ def ends(model: type[Model]) -> list[int]:
     return sorted(places)
 
 
+def slack(model: type[Model]) -> float:
+    """Give how far from its goal a servo may come to rest, rad: a degree, and what its compliance leaves free."""
+    free = model.register("cw_compliance_margin").default if has(model, "cw_compliance_margin") else 0
+    return 1 * deg + (free or 0) * model.sheet.resolution
+
+
 def keeps_twice(model: type[Model]) -> bool:
     """Tell whether settings are kept in EEPROM and act from a copy in RAM, which can be written alone."""
     return isinstance(model.register("max_temperature").place, EepRam)
@@ -432,8 +442,8 @@ def steady(model: type[Model]) -> str:
 
 
 def keys_that(can: Callable[[type[Model]], bool]) -> list[str]:
-    """Give the keys of the models that can something."""
-    return [key for key, model in MODELS.items() if can(model)]
+    """Give the keys of the models that can something, of those of which there is a virtual servo."""
+    return [key for key, model in SIMULATED.items() if can(model)]
 
 
 def models_that(can: Callable[[type[Model]], bool]) -> pytest.MarkDecorator:
@@ -444,7 +454,9 @@ def models_that(can: Callable[[type[Model]], bool]) -> pytest.MarkDecorator:
 ONE_OF_EACH_FAMILY = list({model.family.name: key for key, model in reversed(list(MODELS.items()))}.values())[::-1]
 """The key of the first model of each family."""
 
-every_model = pytest.mark.parametrize("key", MODELS)
+every_model = pytest.mark.parametrize("key", SIMULATED)
+every_table = pytest.mark.parametrize("key", MODELS)
+"""For what is told by the registers alone, without a servo."""
 one_model_of_each_family = pytest.mark.parametrize("key", ONE_OF_EACH_FAMILY)
 """For what depends on the family's packets alone, or takes long."""
 
@@ -455,6 +467,10 @@ def can_change_baud(model: type[Model]) -> bool:
 
 def can_be_silenced(model: type[Model]) -> bool:
     return has(model, "answer_level")
+
+
+def can_turn(model: type[Model]) -> bool:
+    return model.turns
 
 
 def can_reset(model: type[Model]) -> bool:

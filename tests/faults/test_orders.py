@@ -6,6 +6,7 @@ import pytest
 
 from faults.rig import DRIVERS, FaultRig
 from samples import (
+    SIMULATED,
     can_change_baud,
     every_model,
     goal_range,
@@ -147,7 +148,7 @@ def test_F23_a_step_too_far_and_degrees_for_radians(key: str, driver: str) -> No
     assert rig.real().position == pytest.approx(start, abs=0.5 * deg)
 
 
-AT_SEAMS = [(key, raw) for key, model in MODELS.items() for raw in seams(model)]
+AT_SEAMS = [(key, raw) for key, model in SIMULATED.items() for raw in seams(model)]
 
 
 @DRIVERS

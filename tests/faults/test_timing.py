@@ -4,6 +4,7 @@ import pytest
 
 from faults.rig import DRIVERS, POSITION, FaultRig
 from samples import (
+    SIMULATED,
     answer_levels,
     can_change_baud,
     every_model,
@@ -202,7 +203,7 @@ def test_F9_two_speeds_on_one_bus(driver: str) -> None:
     assert rig.verdicts == ["right"] * 20
 
 
-ANSWERED = [(key, level) for key, model in MODELS.items() for level in answer_levels(model)]
+ANSWERED = [(key, level) for key, model in SIMULATED.items() for level in answer_levels(model)]
 
 
 @DRIVERS

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import servobus
-from samples import every_model, has, minds_overload, models_that, sample_of, turning
+from samples import can_turn, every_model, has, minds_overload, models_that, sample_of, turning
 from servobus import (
     DRS0602,
     LX16A,
@@ -110,7 +110,7 @@ def test_S1_torque_on_moves_no_herkulex_that_kept_its_goal(verb: str) -> None:
     assert real.position > 80 * deg
 
 
-@every_model
+@models_that(can_turn)
 @READINGS
 def test_S1_a_lost_request_before_torque_on_leaves_no_old_goal(key: str, goal_torque: bool) -> None:
     for lost in range(1, 13):
@@ -229,9 +229,10 @@ def test_S4_a_servo_that_has_shut_down_says_so_and_names_rearm(key: str) -> None
     port.sleep(0.5)
     assert "shut down (" in str(servo.look())
     assert not servo.state.torque
-    for call in (
-        servo.torque_on, lambda: servo.move(servo.state.position), lambda: servo.turn(**turning(servo.model)),
-    ):  # fmt: skip
+    calls = [servo.torque_on, lambda: servo.move(servo.state.position)]
+    if servo.model.turns:
+        calls.append(lambda: servo.turn(**turning(servo.model)))
+    for call in calls:
         with pytest.raises(TorqueOff, match=r"has shut down .*rearm"):
             call()
     assert still(port, real)

@@ -20,7 +20,7 @@ from servobus.cli.output import note, print_json, quantity_entry, warn_alarms
 from servobus.cli.stop import stop_all
 from servobus.core.units import show
 from servobus.errors import BadValue, UsageError
-from servobus.families.base import require_model
+from servobus.families.base import require_model, require_turning
 
 
 @verb(
@@ -83,7 +83,7 @@ def _check_limits(servo: BusServo, low: float, high: float) -> None:
 
 
 def _check_option(servo: BusServo, speed: float | None) -> None:
-    require_model(servo.target, "turn without end")
+    require_turning(servo.target)
     if servo.model.turns_at_speed() and speed is None:
         raise UsageError(f"{servo.target} controls the speed at which it turns: give --speed DEG/S")
     if speed is not None and not servo.model.turns_at_speed():

@@ -275,20 +275,27 @@ class Flags(Scale[FlagT]):
 
 @frozen
 class BaudDivisor(Scale[int]):
-    """value = clock / (raw + 1), rounded: how Dynamixel protocol 1.0 codes its speeds."""
+    """value = clock / (raw + 1), rounded: how Dynamixel protocol 1.0 codes its speeds.
+
+    `others` are codes that mean a speed of their own instead, each with that speed.
+    """
 
     clock: int
+    others: tuple[tuple[int, int], ...] = ()
     unit: str = "baud"
 
     def decode(self, raw: int) -> int:
-        return round(self.clock / (raw + 1))
+        return dict(self.others).get(raw) or round(self.clock / (raw + 1))
 
     def encode(self, value: int) -> int:
         if not _number(value) > 0:
             raise ValueError(f"{said(value)} is not a speed")
+        for code, speed in self.others:
+            if speed == value:
+                return code
         raw = round(min(self.clock / value, self.clock)) - 1  # the quotient by a tiny number is infinite
         # A code that misses the wanted speed by 3 % or more would leave the servo unreachable.
-        if raw < 0 or abs(self.clock / (raw + 1) / value - 1) >= 0.03:
+        if raw < 0 or raw in dict(self.others) or abs(self.clock / (raw + 1) / value - 1) >= 0.03:
             raise ValueError(f"no code comes within 3 % of {said(value)} baud")
         return raw
 
@@ -366,6 +373,7 @@ def said(value: object) -> str:
 _SHOWN: dict[str, tuple[str, float, int]] = {
     "rad": ("°", deg, 1),
     "rad/s": ("°/s", deg, 1),
+    "rad/s2": ("°/s²", deg, 1),
     "s": (" s", 1.0, 4),
     "V": (" V", 1.0, 1),
     "degC": (" °C", 1.0, 0),
@@ -374,6 +382,7 @@ _SHOWN: dict[str, tuple[str, float, int]] = {
 _WORDS: dict[str, dict[str, float]] = {
     "rad": {"": deg, "°": deg, "deg": deg, "rad": 1.0, "turn": 2 * math.pi},
     "rad/s": {"": deg, "°/s": deg, "deg/s": deg, "rad/s": 1.0, "rpm": rpm},
+    "rad/s2": {"": deg, "°/s²": deg, "deg/s2": deg, "rad/s2": 1.0},
     "s": {"": 1.0, "s": 1.0, "ms": ms, "us": 1e-6, "µs": 1e-6},
     "V": {"": 1.0, "v": 1.0, "mv": 1e-3},
     "degC": {"": 1.0, "°c": 1.0, "c": 1.0, "degc": 1.0},

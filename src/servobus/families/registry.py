@@ -18,6 +18,11 @@ from typing import TypeVar
 
 from servobus.errors import UnknownName, UsageError
 from servobus.families.base import Family, Model
+from servobus.families.dynamixel.models.ax import AX12A, AX12W, AX18A
+from servobus.families.dynamixel.models.dx import DX113, DX116, DX117
+from servobus.families.dynamixel.models.ex import EX106P
+from servobus.families.dynamixel.models.mx import MX12W, MX28, MX64, MX106
+from servobus.families.dynamixel.models.rx import RX10, RX24F, RX64
 from servobus.families.dynamixel.models.rx28 import RX28
 from servobus.families.dynamixel.models.table import UnknownDynamixel
 from servobus.families.herkulex.models.magnetic import DRS0402, DRS0602
@@ -279,6 +284,7 @@ def _one_slip(one: str, other: str) -> bool:
 
 
 add(RX28, DRS0602, LX16A, UnknownDynamixel, UnknownHerkulex, UnknownLx)
+add(AX12A, AX12W, AX18A, RX10, RX24F, RX64, EX106P, DX113, DX116, DX117, MX12W, MX28, MX64, MX106)
 add(DRS0101, DRS0201, DRS0401, DRS0402, DRS0601)
 add(LX15D, LX224, LX224HV, LX225, LX824, LX824HV, LX1501)
 add(HTS20H, HTS16L, HTS20L, HTS21H, HTS30HS, HTS35H, HTD35H, HTD45H, HX12H, HX06L, HX20L, HX35H)

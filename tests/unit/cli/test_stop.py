@@ -37,11 +37,11 @@ def ports(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Any]:
 
 
 def set_going(bus: Any, turn: bool) -> None:
-    """Set all servos of a bus going, slowly or without end."""
+    """Set all servos of a bus going, slowly, or without end where they can."""
     for real in bus.transport.servos:
         servo = bus.attach(real.model, real.id, baud=near(real))
         servo.torque_on()
-        if turn:
+        if turn and servo.model.turns:
             servo.turn(**turning(servo.model))
         else:
             servo.start_move(servo.look().position + 40 * deg, time=2.5)

@@ -3,13 +3,13 @@
 import pytest
 
 import servobus
-from samples import every_model
+from samples import every_table
 from servobus import DRS0602, MODELS, RX28, BadReading, deg
 from servobus.core.present import value_entry, value_text
 from servobus.core.registers import U8, U16, Int, Register
 from servobus.core.units import Count, Switch
 from servobus.errors import BusError
-from servobus.families.dynamixel.firmware import Dynamixel1Servo
+from servobus.families.dynamixel.firmware import ComplianceServo
 from servobus.families.dynamixel.places import TABLE, Address
 from unit.scripted import Scripted
 
@@ -20,7 +20,7 @@ def status(data: str) -> str:
     return (b"\xff\xff" + body + bytes((~sum(body) & 0xFF,))).hex()
 
 
-@every_model
+@every_table
 def test_T3_every_word_of_every_row_goes_back_or_is_out_of_range(key: str) -> None:
     """All 65536 words of each row of two bytes."""
     for row in MODELS[key].registers.values():
@@ -40,7 +40,7 @@ def test_T3_every_word_of_every_row_goes_back_or_is_out_of_range(key: str) -> No
                 assert row.said(raw) == f"out of range (raw {word:#06x})"
 
 
-@every_model
+@every_table
 def test_T3_what_a_row_holds_is_what_encode_takes_back(key: str) -> None:
     for row in MODELS[key].registers.values():
         low, high = row.layout.range
@@ -114,13 +114,13 @@ def test_T3_a_code_without_meaning_is_an_error_of_the_driver_too() -> None:
 
 
 def test_T3_a_servo_whose_position_cannot_be_is_found_and_can_be_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    sense = Dynamixel1Servo._sense
+    sense = ComplianceServo._sense
 
-    def nonsense(self: Dynamixel1Servo) -> None:
+    def nonsense(self: ComplianceServo) -> None:
         sense(self)
         self.memory.write(TABLE, 36, b"\x00\x82")
 
-    monkeypatch.setattr(Dynamixel1Servo, "_sense", nonsense)
+    monkeypatch.setattr(ComplianceServo, "_sense", nonsense)
     with servobus.open("virtual:rx28@1?clock=virtual") as bus:
         (servo,) = bus.scan(ids=[1])
         assert servo.model is RX28

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from samples import every_model, factory_answers, has, minds_overload, models_that, sample_of, turning
+from samples import can_turn, every_model, factory_answers, has, minds_overload, models_that, sample_of, turning
 from servobus import MODELS, RX28, BusError, Refused, herkulex, lewansoul
 from servobus.core.units import deg
 from servobus.families.lewansoul.protocol import Alarm
@@ -147,7 +147,7 @@ def test_an_lx16a_outside_its_range_is_rearmed_there(position: int) -> None:
     assert_held(bench, here)
 
 
-@every_model
+@models_that(can_turn)
 def test_a_servo_that_turned_does_not_go_on_turning(key: str) -> None:
     bench = bench_for(key)
     bench.do(lambda servo: servo.torque_on())

@@ -385,7 +385,7 @@ def test_what_is_no_number_is_refused_before_the_wire(key: str, value: float) ->
         (servo.write, (row, value), {}),
         (servo.write_many, ({row: value},), {}),
         (servo.store, ({row: value},), {}),
-        (servo.turn, (), turning(servo.model, value)),
+        *([(servo.turn, (), turning(servo.model, value))] if servo.model.turns else []),
         (servo.position_mode, ((value, 1.0),), {}),
         (bench.bus.start_move, ({5: value},), {}),
     ]

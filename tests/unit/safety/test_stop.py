@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 import servobus
-from samples import can_be_silenced, every_model, models_that, turning
+from samples import can_be_silenced, can_turn, every_model, models_that, turning
 from servobus import MODELS, NoReply, StopFailed, TorqueOff, UnknownName, deg
 from servobus.families.base import Answers
 from servobus.virtual.device.servo import VirtualServo
@@ -124,7 +124,7 @@ def test_S2_a_refused_goal_is_no_reason_to_go_on(key: str) -> None:
     assert stands(servo._bus.transport)
 
 
-@every_model
+@models_that(can_turn)
 def test_S2_endless_turn_is_ended(key: str) -> None:
     servo = virtual(f"{key}@1").find(1)
     servo.torque_on()

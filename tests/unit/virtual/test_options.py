@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from conformance.wire import Wire, dxl, lx
-from samples import every_model, turning
+from samples import SIMULATED, every_model, turning
 from servobus import LX16A, MODELS, RX28, Bus, UsageError, deg
 from servobus.errors import BadValue
 from servobus.families.base import Model
@@ -20,7 +20,6 @@ from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import Group, Setup, parse_specs, parse_url
 
 DECISIONS = Path(__file__).parents[3] / "docs" / "decisions.md"
-SIMULATED = {key: model for key, model in MODELS.items() if model.firmware}
 
 
 def declared(model: type[Model]) -> dict[str, Option[Any]]:
