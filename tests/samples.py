@@ -469,6 +469,16 @@ def can_be_silenced(model: type[Model]) -> bool:
     return has(model, "answer_level")
 
 
+def limits_turn(model: type[Model]) -> bool:
+    """Tell whether a model turns without end because both its angle limits are 0 (RX-28 manual 3-4-3)."""
+    return model.family.name == "dynamixel" and model.turns
+
+
+def may_be_equal(model: type[Model], pair: tuple[str, str]) -> tuple[int, ...]:
+    """Give the raw values that both limits of a pair may have at once."""
+    return (0,) if limits_turn(model) and pair == ("min_position", "max_position") else ()
+
+
 def can_turn(model: type[Model]) -> bool:
     return model.turns
 

@@ -262,9 +262,12 @@ def turn(target: KnownServo, *, speed: float | None, output: float | None) -> Pr
         return
     ends = [math.degrees(value(row, raw)) for row, raw in lost.items()]
     said = " .. ".join(row.said(raw) for row, raw in lost.items())
+    call = f"position_mode(({ends[0]:.1f} * deg, {ends[1]:.1f} * deg))"
+    if tuple(lost.values()) == family.multi_turn_limits(model):
+        call = "position_mode(multi_turn=True)"
     text = (
         f"its angle limits were {said} before, and may be 0 now, which is endless turn: "
-        f"position_mode(({ends[0]:.1f} * deg, {ends[1]:.1f} * deg)) ends that and sets them again"
+        f"{call} ends that and sets them again"
     )
     with told({row.name: value(row, raw) for row, raw in lost.items()}, text):
         yield from family.turn(target, speed=speed, output=output)
