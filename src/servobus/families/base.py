@@ -207,7 +207,10 @@ class Family(ABC):
         """Read what a move must know."""
         modes = (name for name in self.mode_rows if name in target.model.registers)
         names = ("present_position", "min_position", "max_position", *modes, *self.torque_rows)
-        raw = yield from self.read_values(target, names)
+        return self.status_of(target, (yield from self.read_values(target, names)))
+
+    def status_of(self, target: ServoRef, raw: Mapping[str, int]) -> MotionStatus:
+        """Tell what a move must know from the raw values, by name, of position, limits, `mode_rows`, `torque_rows`."""
         position: float = target.model.register("present_position").decode(raw["present_position"])
         torque, reach = self.torque_state(raw), self.reach(target.model, raw["min_position"], raw["max_position"])
         turning = reach.turning or self.is_turning(raw)

@@ -43,6 +43,8 @@ class MotionStatus:
     """In wheel, motor, infinite turn or torque control mode, where a goal does not move it."""
     shutdown: str = ""
     """As in `TorqueState`."""
+    shaft: float = 1.0
+    """rad by which the shaft turns for 1 rad of its angles: more than 1 where the servo divides its resolution."""
 
 
 @frozen
@@ -64,7 +66,7 @@ class AxisMove:
     goal: int
     """Raw goal position."""
     distance: float
-    """rad, never negative"""
+    """rad of the shaft, never negative"""
     duration: float
     """s, more than 0"""
 
@@ -119,7 +121,7 @@ def show_limits(target: ServoRef, status: MotionStatus) -> str:
 
 
 def check_goal(target: KnownServo, status: MotionStatus, goal: int, *, step: bool = True) -> float:
-    """Give the way to a raw goal, rad. Raises UsageError or BadValue if the servo would not, or must not, go there.
+    """Give the way to a raw goal, rad of the shaft. Raises UsageError or BadValue if the servo would not, or must not, go there.
 
     `step` is whether `max_step` is to be heeded: without it the position may be an old one.
     """
@@ -129,7 +131,7 @@ def check_goal(target: KnownServo, status: MotionStatus, goal: int, *, step: boo
     if not status.low <= goal <= status.high:
         shown = row.show(row.decode(goal))
         raise BadValue(f"{target}: {shown} is outside the limits set in it, {show_limits(target, status)}")
-    distance: float = abs(row.decode(goal) - status.position)
+    distance: float = abs(row.decode(goal) - status.position) * status.shaft
     if step:
         target.permit.check_step(str(target), distance)
     return distance

@@ -52,7 +52,7 @@ class Dynamixel1(Family):
     title = "Dynamixel protocol 1.0"
     framing = FRAMING
     torque_rows = ("torque_enable", "torque_limit")
-    mode_rows = ("torque_control_mode_enable",)
+    mode_rows = ("torque_control_mode_enable", "resolution_divider")
     # Measured by a user on an AX-12: 6 ms, give or take 1, 9 at most. The manual says nothing of it.
     eeprom_time = 0.009
     needs = (
@@ -132,6 +132,14 @@ class Dynamixel1(Family):
                 f"{target} is locked, so {names} cannot be written: until its power goes off only addresses "
                 f"{open_[0]} to {open_[-1]} (torque_enable to torque_limit) can; switch it off and on first"
             )
+
+    def status_of(self, target: ServoRef, raw: Mapping[str, int]) -> MotionStatus:
+        """In multi-turn mode a unit of goals and positions is as many steps of the sensor as resolution_divider says.
+
+        That speeds are those of the shaft all the same is an assumption.
+        """
+        status = super().status_of(target, raw)
+        return replace(status, shaft=float(raw["resolution_divider"])) if counts_turns(target, status) else status
 
     def reach(self, model: type[Model], low: int, high: int) -> Reach:
         """Both limits 0 are endless turn (3-4-3), which the DX series lacks; for those of multi-turn mode see ED-48."""
@@ -387,7 +395,7 @@ def _turn_value(target: ServoRef, speed: float | None, output: float | None) -> 
     if model.turns_at_speed():
         if speed is None or output is not None:
             raise cannot(
-                target, "turn with a given output", "its speed is controlled in endless turn; give speed=rad/s"
+                target, "turn with a given output", "its endless turn controls the speed; give speed= in rad/s"
             )
         return model.register("moving_speed").encode(speed)
     if output is None or speed is not None:
