@@ -47,7 +47,7 @@ def arm(key: str, position: float = 90 * deg, **memory: int) -> tuple[Any, Any, 
 def still(port: Any, real: Any, seconds: float = 1.0) -> bool:
     before = real.shaft.position
     port.sleep(seconds)
-    return abs(real.shaft.position - before) < 0.5 * deg
+    return bool(abs(real.shaft.position - before) < 0.5 * deg)
 
 
 # What limits mean
@@ -132,9 +132,7 @@ def test_back_to_one_turn(key: str) -> None:
     servo.position_mode(multi_turn=True)
     servo.move(500 * deg, speed=300 * deg).wait()
     before = real.memory.stored()
-    with pytest.raises(
-        OutsideLimits, match=r"is at \d+\.\d°, outside the limits that it would get, 0\.0° \.\. 359\.9°"
-    ):
+    with pytest.raises(OutsideLimits, match=r"is at \d+\.\d°, outside the limits that it would get"):
         servo.position_mode()
     assert real.memory.stored() == before
     assert servo.look().torque
