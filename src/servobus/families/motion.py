@@ -121,7 +121,7 @@ def show_limits(target: ServoRef, status: MotionStatus) -> str:
 
 
 def check_goal(target: KnownServo, status: MotionStatus, goal: int, *, step: bool = True) -> float:
-    """Give the way to a raw goal, rad of the shaft. Raises UsageError or BadValue where the servo would, or must, not go.
+    """Give the way to a raw goal, rad of the shaft. Raises UsageError or BadValue if the servo must not go there.
 
     `step` is whether `max_step` is to be heeded: without it the position may be an old one.
     """
