@@ -300,21 +300,25 @@ class BaseBus(Closed, Generic[S]):
     ) -> Procedure[Readings[S, Any]]:
         """Read one register of these servos (by default of all), by the name or alias that their models share.
 
-        Gives servo -> value of those that answered, which can be asked by id where that is unique; `lost` of it tells
-        of the others: servo -> error. A register of one of the models stands for its name. Raises UnknownName for a
-        model that has none of it, and the first error if no servo could be read.
+        Servos whose models answer such are read by one request (BULK_READ of the MX series), others several at once
+        where the line allows. Gives servo -> value of those that answered, which can be asked by id where that is
+        unique; `lost` of it tells of the others: servo -> error. A register of one of the models stands for its name.
+        Raises UnknownName for a model that has none of it, and the first error if no servo could be read.
         """
         name = register_name(register)
         rows = {servo: servo.model.register(name) for servo in self._chosen(servos)}
-        values: dict[S, Any] = {}
-        lost: dict[S, ServobusError] = {}
-        for servo, row in rows.items():
-            yield SetBaud(servo.baud)
-            try:
-                (raw,) = yield from servo.family.read(servo.target, [row])
-                values[servo] = row.decode(raw, servo.target)
-            except (BusError, UsageError) as error:
-                lost[servo] = error
+        seen: dict[S, Any] = {}
+        for group in _by_kind(rows):
+            questions: dict[S, Exchange[Any]] = {}
+            for servo in group:
+                try:
+                    questions[servo] = servo.family.question(servo.target, rows[servo])
+                except UsageError as error:
+                    seen[servo] = error
+            yield SetBaud(group[0].baud)
+            seen.update(zip(questions, (yield Batch(list(questions.values()))), strict=True))
+        values = {servo: seen[servo] for servo in rows if not isinstance(seen[servo], ServobusError)}
+        lost = {servo: seen[servo] for servo in rows if servo not in values}
         if lost and not values:
             raise next(iter(lost.values()))
         return Readings(values, lost)
@@ -526,7 +530,7 @@ class BaseBus(Closed, Generic[S]):
     def _reunited(self) -> Procedure[ReconnectReport[S]]:
         """Find out which of the known servos are there, and which of them have restarted."""
         present: list[S] = []
-        for group in self._groups():
+        for group in _by_kind(self):
             yield SetBaud(group[0].baud)
             answers = yield Batch([servo.family.ping(servo.id) for servo in group])
             present += [servo for servo, answer in zip(group, answers, strict=True) if answer is None]
@@ -556,13 +560,6 @@ class BaseBus(Closed, Generic[S]):
         if servos is None:
             return list(self)
         return [self[servo] for servo in one_or_several(servos, lambda thing: isinstance(thing, Servo))]
-
-    def _groups(self) -> list[list[S]]:
-        """Sort servos by family and speed: one packet drives servos of one kind."""
-        groups: dict[tuple[str, int], list[S]] = {}
-        for servo in self:
-            groups.setdefault((servo.family.name, servo.baud), []).append(servo)
-        return list(groups.values())
 
     def _families(self, family: Family | str | None) -> list[Family]:
         if family is None:
@@ -652,3 +649,11 @@ def _stop_failed(failures: Mapping[Any, Exception], stopped: Mapping[Any, StopOu
     names = {key: str(key.target) if isinstance(key, Servo) else f"id {key}" for key in failures}
     said = "; ".join(f"{names[key]} may still move: {why}" for key, why in failures.items())
     return StopFailed(said, failures, stopped)
+
+
+def _by_kind(servos: Iterable[S]) -> list[list[S]]:
+    """Sort servos by family and speed: one packet reaches servos of one kind."""
+    groups: dict[tuple[str, int], list[S]] = {}
+    for servo in servos:
+        groups.setdefault((servo.family.name, servo.baud), []).append(servo)
+    return list(groups.values())

@@ -184,7 +184,7 @@ class Servo(Closed):
         except TypeError:  # a list, perhaps
             raise UsageError(f"read() reads one register, not {register!r:.60}; read_many() reads several") from None
         if question is None:
-            question = self._questions[register] = self._question(self._own(register))
+            question = self._questions[register] = self.family.question(self.target, self._own(register))
         return question
 
     @bus_method
@@ -468,13 +468,6 @@ class Servo(Closed):
         if not flags:
             return ""
         return Flags(type(flags)).show(flags) if isinstance(flags, IntFlag) else hex(flags)
-
-    def _question(self, register: Register[T]) -> Exchange[T]:
-        """Make the one exchange that reads one register."""
-        reading = self.family.reading(self.target, [register])
-        (exchange,), ((_, part, layout),) = reading.exchanges, reading.places
-        answer, unpack, decode = exchange.interpret, layout.unpacker(), register.decoder(self.target)
-        return exchange.mapped(lambda packet: decode(unpack(answer(packet)[part])))
 
     def _own(self, register: Register[T] | str) -> Register[T]:
         if isinstance(register, str):

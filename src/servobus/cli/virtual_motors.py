@@ -57,9 +57,14 @@ def origin_lines(one: MotorSet) -> list[str]:
         if (word := field_word(name)) not in names:
             names.append(word)
     return [
-        f"{head}: " + ", ".join(f"{' and '.join(names)} ({text})" for text, names in texts.items())
+        f"{head}: " + ", ".join(f"{_listed(names)} ({text})" for text, names in texts.items())
         for head, texts in together.items()
     ]
+
+
+def _listed(names: list[str]) -> str:
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
 
 
 def field_word(name: str) -> str:

@@ -7,7 +7,7 @@ every family. What only one family can do is a function in its `protocol`, under
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from servobus.core.exchange import Exchange, Now, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Framing, Packet
@@ -61,6 +61,8 @@ __all__ = [
     "require_turning",
     "within",
 ]
+
+T = TypeVar("T")
 
 ASK_AGAIN = 0.02
 """s between two questions to a servo that does not answer yet."""
@@ -130,6 +132,13 @@ class Family(ABC):
     @abstractmethod
     def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         """Tell what to ask for these registers: as few exchanges as the family allows."""
+
+    def question(self, target: ServoRef, register: Register[T]) -> Exchange[T]:
+        """Make the one exchange that reads one register, in its unit."""
+        reading = self.reading(target, [register])
+        (exchange,), ((_, part, layout),) = reading.exchanges, reading.places
+        answer, unpack, decode = exchange.interpret, layout.unpacker(), register.decoder(target)
+        return exchange.mapped(lambda packet: decode(unpack(answer(packet)[part])))
 
     def read(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
         """Read raw values."""

@@ -207,6 +207,8 @@ class Model:
     """Registers of which one must be below the other."""
     brakes: ClassVar[bool] = False
     """Whether it can brake: short its motor, so that the shaft turns only slowly."""
+    answers_together: ClassVar[bool] = False
+    """Whether it can be read along with others by one request, which they answer one behind the other."""
     firmware: ClassVar[str] = ""
     """The class of its virtual servo, a `VirtualServo`; "" for a model that cannot be simulated."""
     practice: ClassVar[Mapping[str, Any]] = {}

@@ -59,6 +59,8 @@ class Bench:
         settings = {low.name: low.limits[0], high.name: high.limits[1]}
         if has(model, "overload_detection_period"):
             settings["overload_detection_period"] = 0  # for these full output is an overload, even without a load
+        if has(model, "max_torque"):
+            settings["max_torque"] = model.register("max_torque").limits[1]  # some give less from the factory
         self.real = virtual_servo(model, 1, voltage=volts, memory=settings, position=self.low_end)
         self.port = VirtualPort("virtual:", Rig([VirtualLine([self.real])]), real=False)
         self.arm = servobus.Bus(self.port, echo=False).attach(model, 1)

@@ -96,7 +96,8 @@ class Dynamixel1(Family):
             ((_address(register), register.layout.size) for register in registers), gap=16, longest=RX_BUFFER - 6
         )
         places = tuple(place(spans, _address(register), register.layout) for register in registers)
-        return Reading(tuple(read_data(target.id, *span) for span in spans), places)
+        bulk = target.model.answers_together
+        return Reading(tuple(read_data(target.id, *span, bulk=bulk) for span in spans), places)
 
     def put(
         self,
