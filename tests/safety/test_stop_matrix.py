@@ -13,7 +13,7 @@ import pytest
 
 import servobus
 from drivers import result_of
-from samples import can_be_silenced, has, one_model_of_each_family, other_bauds, turning
+from samples import can_be_silenced, has, one_model_of_each_family, other_bauds, sample_models, turning
 from servobus import MODELS, BusError, StopFailed, deg
 from servobus.bus.asyncio import AsyncBus
 from servobus.families import registry
@@ -43,7 +43,7 @@ class Scene:
 
     def torque_on(self) -> None:
         result_of(self.bus.torque_on())
-        self.heres = [result_of(servo.look()).position for servo in self.servos]
+        self.heres = [real.position for real in self.reals]
 
 
 # Ways of moving
@@ -288,29 +288,41 @@ def play(
     return said
 
 
-@one_model_of_each_family
+@sample_models
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
 @pytest.mark.parametrize("end", ENDS, ids=lambda end: end.__name__)
+@pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
 def test_motion_ends(
-    key: str, fault: Callable[[Scene], None], end: Callable[[Scene], str], caplog: pytest.LogCaptureFixture
+    key: str,
+    way: Callable[[Scene], None],
+    fault: Callable[[Scene], None],
+    end: Callable[[Scene], str],
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
-    # Two of the ways, so that each meets each fault and each end, and all of it takes seconds.
-    for way in WAYS[(FAULTS.index(fault) + ENDS.index(end)) % 3 :: 3]:
-        caplog.clear()
-        with caplog.at_level(logging.ERROR):
-            said = play(Scene(key), way, fault, end) + caplog.text
-        if fault is cut_off:
-            assert all(f"{MODELS[key].title} id {id} may still move" in said for id in (1, 2)) or end is torque_block
-            assert "may still" in said
-        if fault in (absent_neighbours, other_speed) and end in (stop_bus, make_safe, crash):
-            assert "id 9 may still move" in said or not (fault is absent_neighbours or other_bauds(MODELS[key]))
+    with caplog.at_level(logging.ERROR):
+        said = play(Scene(key), way, fault, end) + caplog.text
+    if fault is cut_off:
+        assert all(f"{MODELS[key].title} id {id} may still move" in said for id in (1, 2)) or end is torque_block
+        assert "may still" in said
+    if fault in (absent_neighbours, other_speed) and end in (stop_bus, make_safe, crash):
+        assert "id 9 may still move" in said or not (fault is absent_neighbours or other_bauds(MODELS[key]))
 
 
-@one_model_of_each_family
+@sample_models
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
-def test_motion_ends_with_asyncio(key: str, fault: Callable[[Scene], None]) -> None:
-    for end in ENDS[FAULTS.index(fault) % 3 :: 3]:
-        play(Scene(key, driver=AsyncBus), move, fault, end)
+@pytest.mark.parametrize("end", ENDS, ids=lambda end: end.__name__)
+def test_motion_ends_with_asyncio(key: str, fault: Callable[[Scene], None], end: Callable[[Scene], str]) -> None:
+    play(Scene(key, driver=AsyncBus), move, fault, end)
+
+
+@sample_models
+@pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
+def test_a_cell_fails_where_an_end_stops_nothing(key: str, way: Callable[[Scene], None]) -> None:
+    def nothing(scene: Scene) -> str:
+        return ""
+
+    with pytest.raises(AssertionError, match=way.__name__):
+        play(Scene(key), way, no_fault, nothing)
 
 
 @one_model_of_each_family

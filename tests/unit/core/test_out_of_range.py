@@ -3,7 +3,7 @@
 import pytest
 
 import servobus
-from samples import every_model
+from samples import every_model, sample_models
 from servobus import DRS0602, MODELS, RX28, BadReading, deg
 from servobus.core.present import value_entry, value_text
 from servobus.core.registers import U8, U16, Int, Register
@@ -20,7 +20,7 @@ def status(data: str) -> str:
     return (b"\xff\xff" + body + bytes((~sum(body) & 0xFF,))).hex()
 
 
-@every_model
+@sample_models
 def test_T3_every_word_of_every_row_goes_back_or_is_out_of_range(key: str) -> None:
     """All 65536 words of each row of two bytes."""
     for row in MODELS[key].registers.values():
