@@ -20,6 +20,7 @@ from servobus.families import registry
 from servobus.families.base import Answers, Model
 from servobus.families.herkulex.protocol import StatusError
 from servobus.virtual.device.servo import VirtualServo
+from servobus.virtual.physics.motor import Load
 from servobus.virtual.serve.inprocess import VirtualPort, connect
 
 LIMIT = 0.5
@@ -40,6 +41,14 @@ class Scene:
     @property
     def reals(self) -> list[VirtualServo]:
         return self.port.servos
+
+    def hold_shafts(self, held: bool) -> None:
+        """Close a vice around the shafts, or open it: what was not stopped meanwhile goes on then."""
+        if held and has(self.model, "overload_detection_period"):  # being held is no overload here
+            for servo in self.servos:
+                result_of(servo.write_raw({self.model.register("overload_detection_period"): 0}))
+        for real in self.reals:
+            real.shaft.load = Load(blocked=1.0 if held else 0.0)
 
     def torque_on(self) -> None:
         result_of(self.bus.torque_on())
@@ -91,6 +100,11 @@ def raw_goal(scene: Scene) -> None:
 
 
 WAYS: list[Callable[[Scene], None]] = [move, fast_move, group_move, turn, stream, raw_goal]
+
+
+def is_quick(model: type[Model], way: Callable[[Scene], None]) -> bool:
+    """Tell whether nothing but the motor bounds the speed, so that a motion can be over before it must be stopped."""
+    return way is fast_move or (way in (stream, raw_goal) and not has(model, "goal_time"))
 
 
 # Faults, while it moves
@@ -271,6 +285,8 @@ def play(
 ) -> str:
     """Move, let something go wrong, end it, and check; give what was told."""
     scene.torque_on()
+    if is_quick(scene.model, way):
+        scene.hold_shafts(True)
     way(scene)
     scene.port.sleep(0.15)
     fault(scene)
@@ -278,6 +294,8 @@ def play(
     said = end(scene)
     scene.port.sleep(begun + LIMIT - scene.port.now())
     scene.port.inject(None)
+    if is_quick(scene.model, way):
+        scene.hold_shafts(False)
     still = moves(scene)
     if shut_down is fault:  # what switched it off is over: it does not go on either
         for real in scene.reals:
