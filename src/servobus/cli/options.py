@@ -16,7 +16,6 @@ import servobus
 from servobus import Bus, BusServo
 from servobus.cli import complete
 from servobus.cli.app import Verb
-from servobus.cli.output import note
 from servobus.core.arguments import check_baud
 from servobus.core.ids import LAST_ID, check_id, parse_ids
 from servobus.core.units import parse
@@ -427,17 +426,6 @@ def find_all(bus: Bus, where: Where, ids: Ids, *, shared: bool = False) -> list[
     outcome = search(bus, where, ids, shared=shared)
     for error in outcome.missing.values():
         raise error
-    return outcome.servos
-
-
-def found(bus: Bus, where: Where, ids: Ids) -> list[BusServo]:
-    """Find the servos that are there, and note which are not. Raises ServobusError if none is."""
-    outcome = search(bus, where, ids)
-    errors = list(outcome.missing.values())
-    if not outcome.servos:
-        raise errors[0]
-    for error in errors:
-        note(f"servobus: {error}")
     return outcome.servos
 
 

@@ -18,7 +18,6 @@ from servobus.cli.options import (
     check_above_0,
     find_all,
     for_each,
-    found,
     on_servos_with,
     open_port,
     split_assignment,
@@ -65,7 +64,8 @@ def read(
     list if several servos are named, or `all`.
 
     --watch shows values live: in a table on a terminal, else a line (--json: an object) for each servo each time. A
-    servo that does not answer is shown so, and comes back. Nothing moves.
+    servo that does not answer is shown so, and comes back; an id that is not there at the start joins in when it
+    answers, and if it never does the exit code is 1. Nothing moves.
     """
     if watch:
         _watch(port, ids, where, names, interval, seconds, csv, json=json)
@@ -109,8 +109,7 @@ def _watch(
     for option, value in (("--interval", interval), ("--seconds", seconds)):
         check_above_0(option, value)
     with open_port(port) as bus:
-        servos = found(bus, where, ids)
-        sampler = Sampler(bus, servos, names, 0.2 if interval is None else interval)
+        sampler = Sampler(bus, where, ids, names, 0.2 if interval is None else interval)
         watch(sampler, seconds=seconds, csv=csv, json=json)
 
 
