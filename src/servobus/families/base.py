@@ -156,7 +156,10 @@ class Family(ABC):
         return change.write(target, values, keep=False)
 
     def store(self, target: KnownServo, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Write raw values where they survive power-off, if they differ from what is there; see `write`."""
+        """Write raw values where they survive power-off, if they differ from what is there; see `write`.
+
+        Raises UsageError for a register that lives in RAM alone.
+        """
         return change.write(target, values, keep=True)
 
     @abstractmethod
@@ -290,10 +293,10 @@ class Family(ABC):
 
     @abstractmethod
     def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
-        """End the motion and hold the present position, or the nearest one that its limits allow; see `reachable`.
+        """End the motion and hold the present position, or the nearest one that its limits allow.
 
-        Makes sure that it was heard. Not subject to `max_step`, nor recorded. Raises BusError, or UsageError for a
-        servo that answers no reads; `stop` goes on from there.
+        What is near enough `servobus.families.stopping` tells. Makes sure that it was heard. Not subject to `max_step`,
+        nor recorded. Raises BusError, or UsageError for a servo that answers no reads; `stop` goes on from there.
         """
 
     def let_go(self, target: KnownServo) -> Procedure[None]:

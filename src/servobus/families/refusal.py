@@ -1,4 +1,4 @@
-"""What a family refuses, and what a servo does: one wording for all families."""
+"""Errors that the verbs of all families raise in the same words."""
 
 from typing import Any
 
