@@ -221,7 +221,12 @@ class Where:
         return servo
 
     def __str__(self) -> str:
-        return ", ".join(f"{family.name} at {'/'.join(map(str, bauds))}" for family, bauds in self.rounds())
+        return rounds_text(self.rounds())
+
+
+def rounds_text(rounds: Iterable[tuple[Family, Sequence[int]]]) -> str:
+    """Say which families are meant, each at which speeds."""
+    return ", ".join(f"{family.name} at {'/'.join(map(str, bauds))}" for family, bauds in rounds)
 
 
 class FamilyOption(click.Option):

@@ -115,7 +115,7 @@ def _watch(
 
 def _values(servo: BusServo, names: Sequence[str]) -> dict[str, tuple[Register[Any], int]]:
     """Read registers: name -> register and raw value."""
-    rows = [_readable(servo, name) for name in names]
+    rows = [readable(servo, name) for name in names]
     return dict(zip(names, zip(rows, servo.read_raw(rows), strict=True), strict=True))
 
 
@@ -156,7 +156,7 @@ def write(port: str, ids: Ids, where: Where, settings: tuple[str, ...], save: bo
 
 def _encoded(servo: BusServo, wanted: Mapping[str, str]) -> dict[Register[Any], int]:
     """Check names and values for a servo: register -> raw value."""
-    values = {_readable(servo, name): value for name, value in wanted.items()}
+    values = {readable(servo, name): value for name, value in wanted.items()}
     if len(values) != len(wanted):
         raise BadValue("a register is named twice, once by an alias")
     return {row: _encode(servo, row, value) for row, value in values.items()}
@@ -194,7 +194,8 @@ def _write(
             )
 
 
-def _readable(servo: BusServo, name: str) -> Register[Any]:
+def readable(servo: BusServo, name: str) -> Register[Any]:
+    """Find a register by name. Raises UnknownName, or UsageError for one that is reserved."""
     row = servo.model.register(name)
     if not row.readable:
         raise UsageError(f"{row.model} {row.name} is reserved: it has no meaning")

@@ -15,6 +15,7 @@ from servobus import Bus, BusServo, ServobusError
 from servobus.bus.cycle import Result
 from servobus.cli.options import Ids, Where, search
 from servobus.cli.output import note
+from servobus.cli.read_write import readable
 from servobus.core.present import decoded_json, unit_text
 from servobus.core.registers import Register
 from servobus.core.values import frozen
@@ -94,7 +95,7 @@ class Sampler:
         self._latecomers = Latecomers(bus, where, found.missing)
 
     def _take(self, servos: Sequence[BusServo]) -> None:
-        self.columns += [(servo, name, _readable(servo, name)) for servo in servos for name in self._names]
+        self.columns += [(servo, name, readable(servo, name)) for servo in servos for name in self._names]
         self._servos += servos
         self._cycle = self._bus.cycle(self._names, write=(), servos=self._servos)
 
@@ -127,13 +128,6 @@ class Sampler:
             )
         if missing := self._latecomers.missing:
             raise NoReply(f"{self._bus.transport.name}: id {', '.join(map(str, missing))} has never answered")
-
-
-def _readable(servo: BusServo, name: str) -> Register[Any]:
-    row = servo.model.register(name)
-    if not row.readable:
-        raise UsageError(f"{row.model} {row.name} is reserved: it has no meaning")
-    return row
 
 
 class CsvFile:

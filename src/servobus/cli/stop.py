@@ -17,6 +17,7 @@ from servobus.cli.options import (
     find_all,
     on_servos,
     open_port,
+    rounds_text,
     signals_as_interrupt,
     to_limit_options,
     verb,
@@ -210,7 +211,7 @@ def _each_as_it_is_found(bus: Bus, where: Where, ids: Ids, action: Callable[[Bus
         for id in [id for id in ids if id not in met]:
             _tell_torque_off(bus, where, tried, id)
             failed.append(
-                f"{bus.transport.name}: no servo answers to id {id} (tried {_said(tried)}), so it may still move; "
+                f"{bus.transport.name}: no servo answers to id {id} (tried {rounds_text(tried)}), so it may still move; "
                 "it was told to switch its torque off all the same"
             )
     if failed:
@@ -244,10 +245,6 @@ def _odd(where: Where, rounds: Rounds) -> Rounds:
     """Give the speeds that servos can be set to as well, but seldom are."""
     odd = [(family, spare_bauds(where.models_of(family), bauds)) for family, bauds in rounds]
     return [(family, bauds) for family, bauds in odd if bauds]
-
-
-def _said(rounds: Rounds) -> str:
-    return ", ".join(f"{family.name} at {'/'.join(map(str, bauds))}" for family, bauds in rounds)
 
 
 def _ids(ids: Sequence[int]) -> str:
