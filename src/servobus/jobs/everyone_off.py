@@ -9,12 +9,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 
 from servobus.core.exchange import Exchange, Pause, Procedure, SetBaud, told
+from servobus.core.framing import BITS_PER_BYTE
 from servobus.core.ids import BROADCAST
 from servobus.families.base import Answers, Family, Model, ServoRef
 
 LONGEST_FLUSH = 0.06
 """s of flush before one request at most. Assumption: who is deaf for longer has given up by the second round."""
-FLUSH, BITS_PER_BYTE = b"\x00", 10
+FLUSH = b"\x00"
 APART = 1.05
 """Ratio of two speeds that are told, at least: servos understand speeds that are 3 % off (RX-28 manual 3-4-1)."""
 

@@ -44,6 +44,12 @@ def stop_all(targets: Iterable[KnownServo]) -> Procedure[Outcomes]:
     return outcomes
 
 
+def let_go(target: KnownServo) -> Procedure[None]:
+    """Switch the torque of a servo off, and take note that nothing drives it; see `Family.let_go`."""
+    yield from target.model.family.let_go(target)
+    target.permit.mark_idle()
+
+
 def make_safe(target: KnownServo, action: SafeAction) -> Procedure[StopOutcome]:
     """Hold a servo where it is, free it or brake it. Raises BusError, or UsageError for one that answers no reads."""
     family = target.model.family

@@ -9,9 +9,6 @@ from servobus.core.values import frozen
 from servobus.link.stats import Counts
 from servobus.transports.base import Transport
 
-BITS_PER_BYTE = 10
-"""Start bit, eight data bits, stop bit: 8N1, as all three families use."""
-
 
 @frozen
 class Timing:
