@@ -138,6 +138,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         self._reader = self._new_reader()
 
     async def __aenter__(self) -> Self:
+        self._check_open()
         return self
 
     async def __aexit__(
@@ -155,7 +156,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
             self.close()
 
     def close(self) -> None:
-        """Give the port back. Torque stays as it is."""
+        """Give the port back. Torque stays as it is. Waiting for a move in another task ends with PortError."""
         self.safety.end(safe=False)
         self._reader.close()
         self.transport.close()

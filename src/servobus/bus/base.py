@@ -448,6 +448,11 @@ class BaseBus(Closed, Generic[S]):
         """Give how long a stop waits, in s, for a job that it has interrupted."""
         return TAKEOVER_TIMEOUT
 
+    def _check_open(self) -> None:
+        """Raise UsageError on a bus that was closed: a `with` block would begin without a port."""
+        if self.safety.closed:
+            raise UsageError(f"{self.transport.name} is closed; open it anew, or call reopen() first")
+
     def _new_link(self, stats: Stats | None = None) -> Link:
         return Link(
             self._port,

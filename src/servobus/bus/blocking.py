@@ -107,6 +107,7 @@ class Bus(Blocking, BaseBus[BusServo]):
     """Servos on one port. Opening it asks nothing and moves nothing. May be shared between threads."""
 
     def __enter__(self) -> Self:
+        self._check_open()
         return self
 
     def __exit__(
@@ -120,7 +121,7 @@ class Bus(Blocking, BaseBus[BusServo]):
             self.close()
 
     def close(self) -> None:
-        """Give the port back. Torque stays as it is."""
+        """Give the port back. Torque stays as it is. Waiting for a move in another thread ends with PortError."""
         self.safety.end(safe=False)
         self.transport.close()
 

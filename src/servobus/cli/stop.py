@@ -92,7 +92,9 @@ def torque(port: str, ids: Ids, where: Where, state: str, to_limit: bool, speed:
         elif ids == ALL:
             rounds = where.everywhere()
             _tell_torque_off(bus, where, rounds)
-            click.echo(f"torque off: told all ids of {_said(rounds)}")
+            click.echo("torque off: told all ids")
+            for family, bauds in rounds:
+                click.echo(click.wrap_text(f"{family.name} at {', '.join(map(str, bauds))}", 80, "  ", "    "))
             if where.baud is None and (odd := _odd(where, rounds)):
                 _tell_torque_off(bus, where, odd, times=1)
                 click.echo(f"and at {sum(len(bauds) for _, bauds in odd)} speeds in between, which are not usual")
@@ -175,7 +177,8 @@ def _each_as_it_is_found(bus: Bus, where: Where, ids: Ids, action: Callable[[Bus
             look(rounds, [id for id in ids if id not in met])
         tried = rounds
         if where.baud is None and (missing := [id for id in ids if id not in met]):
-            note(f"looking for {_ids(missing)} at every speed")
+            names = ", ".join(family.name for family, _ in rounds)
+            note(f"looking for {_ids(missing)} at every speed of {names}, which takes some seconds")
             tried = where.everywhere()
             look(tried, missing)
         for id in [id for id in ids if id not in met]:

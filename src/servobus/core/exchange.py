@@ -65,8 +65,8 @@ class Exchange(Generic[T]):
     """One request and its reply, as a value that is never changed.
 
     what        for people: "RX-28 id 1: read present_position"
-    interpret   turns a reply's packet into the result; raises Refused. Where nothing answers it is given an
-                empty packet.
+    interpret   turns a reply's packet into the result; raises Refused or WrongReply. Where nothing answers it
+                is given an empty packet.
     replies     the pattern of the reply; none where the servo stays silent. A `GroupExchange` has several
     alarms      reads the alarm bits that stand beside the data in the packet
     max_delay   longest time in seconds between the request's last bit and the reply's first

@@ -159,7 +159,7 @@ def model(name: str) -> type[Model]:
 
     Raises UnknownName.
     """
-    key = name.replace("-", "").replace("_", "").lower()
+    key = _key(name)
     found = MODELS.get(key)
     if found is None:
         generic = {model.key(): model for model in GENERIC.values()}
@@ -169,10 +169,22 @@ def model(name: str) -> type[Model]:
     return found
 
 
+def simulated(name: str) -> type[Model]:
+    """Find a model that has a virtual servo, as people write it. Raises UnknownName, which offers those that have."""
+    key = _key(name)
+    found = MODELS.get(key)
+    if found is not None and found.firmware:
+        return found
+    known = [key for key, one in MODELS.items() if one.firmware]
+    if found is None and key not in {one.key() for one in GENERIC.values()}:
+        raise UnknownName(_no_such("model", name, known))
+    raise UnknownName(f"there is no virtual servo for {name!r}; there are {', '.join(known)}")
+
+
 def family(name: str) -> Family:
     """Find a family by name. Raises UnknownName."""
     found = FAMILIES.get(name.lower())
-    if found is None and (known := MODELS.get(name.replace("-", "").replace("_", "").lower())):
+    if found is None and (known := MODELS.get(_key(name))):
         raise UnknownName(f"no family {name!r}: {known.title} is a model, of the family {known.family.name}")
     if found is None:
         raise UnknownName(_no_such("family", name, list(FAMILIES)))
@@ -234,11 +246,16 @@ def names(known: Iterable[str]) -> str:
 
 
 def _no_such(kind: str, name: str, known: list[str]) -> str:
-    key = name.replace("-", "").replace("_", "").lower()
+    key = _key(name)
     # One series has not the models of another: an MX-28 is no RX-28 with a slip.
     near = [one for one in known if _one_slip(key, one) and (kind != "model" or _series(key) == _series(one))]
     hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
     return f"no {kind} {name!r}; {hint}"
+
+
+def _key(name: str) -> str:
+    """Give the name under which a model is known, of a name as people write it."""
+    return name.replace("-", "").replace("_", "").lower()
 
 
 def _series(key: str) -> str:
@@ -273,5 +290,6 @@ __all__ = [
     "model",
     "models_of",
     "names",
+    "simulated",
     "unknown",
 ]

@@ -79,6 +79,11 @@ class SafeStop:
             signals.opened(self)
 
     @property
+    def closed(self) -> bool:
+        """Whether the port was given back, and not opened again since."""
+        return self._closed
+
+    @property
     def action(self) -> SafeAction:
         """Safe action of all servos; setting it sets that of the known ones and of all still to be found.
 
@@ -135,9 +140,14 @@ class SafeStop:
             signals.about_to_move(self)
 
     def keep_alive(self) -> None:
-        """Take note that the program is alive and watches what it moves. Raises Stopped if nothing is to move."""
+        """Take note that the program is alive and watches what it moves. Raises Stopped if nothing is to move.
+
+        On a port that was closed nobody can watch: PortError.
+        """
         if self._ending:
             raise Stopped(f"{self._transport.name}: the bus is being closed and its servos were made safe")
+        if self._closed:
+            raise PortError(f"{self._transport.name} is closed")
         if self._watchdog is not None:
             self._watchdog.feed()
 

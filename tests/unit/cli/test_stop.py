@@ -97,7 +97,7 @@ def test_N2_both_are_stopped_before_the_missing_one_is_looked_for(
     monkeypatch.setattr(stop, "note", lambda text: told.append((text, bus.transport.now() - begun)))
     run("stop", "arm", 1, 99, 2, code=1)
     text, seconds = told[0]
-    assert text == "looking for id 99 at every speed"
+    assert text == ("looking for id 99 at every speed of dynamixel, herkulex, lewansoul, which takes some seconds")
     assert seconds < 1.5  # by then all were asked twice, in all families
     assert stand(bus) == [True, True]
 
@@ -230,7 +230,7 @@ def test_N6_it_is_told_twice_and_only_where_it_is_asked_for(ports: Callable[[str
 
     real.hear = heard_too
     said = run("torque", "arm", "all", "off", "--baud", 57600, "--family", "dynamixel").stdout
-    assert said == "torque off: told all ids of dynamixel at 57600\n"
+    assert said == "torque off: told all ids\n  dynamixel at 57600\n"
     # WRITE_DATA of Torque Enable, address 24 (3-4), to the broadcast id
     assert [(one.id, one.code, one.data) for one in heard] == [(BROADCAST, 3, bytes([24, 0]))] * 2
 

@@ -461,3 +461,11 @@ def test_another_model_is_no_slip(name: str) -> None:
 def test_a_slip_is_seen(name: str, near: str) -> None:
     with pytest.raises(UnknownName, match=f"did you mean {near}"):
         registry.model(name)
+
+
+@pytest.mark.parametrize("name", ["ax12", "dynamixel", "lx"])
+def test_only_what_can_be_simulated_is_offered_to_be(name: str) -> None:
+    with pytest.raises(UnknownName, match=f"'{name}'; (known|there) are rx28, drs0602, lx16a") as caught:
+        registry.simulated(name)
+    assert "herkulex" not in str(caught.value)
+    assert registry.simulated("RX-28") is registry.model("rx28")

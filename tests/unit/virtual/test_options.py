@@ -60,7 +60,7 @@ def test_in_the_word_for_servos() -> None:
 
 
 def test_in_the_name_of_a_port_for_all_that_have_it() -> None:
-    servos = connect("virtual:rx28@1,lx16a@2,goal_torque=on,drs0602@3?goal_torque=off&boot_time=0.6").servos
+    servos = connect("virtual:rx28@1,lx16a@2,goal_torque=on,drs0602@3?goal_torque=off&boot_time=0.6s").servos
     assert [servo.options.get("goal_torque") for servo in servos] == [False, True, None]
     assert {servo.options["boot_time"] for servo in servos} == {Span(0.6, 0.6)}
 
@@ -114,6 +114,9 @@ def test_from_python() -> None:
         ("rx28@1,eeprom_pause=7ms-5ms", BadValue, "eeprom_pause=7ms-5ms"),
         ("rx28@1,eeprom_pause=-1ms", BadValue, "eeprom_pause"),
         ("rx28@1,answer_time=nan", BadValue, "answer_time"),
+        ("rx28@1,answer_time=5", BadValue, "answer_time=5: 5 has no unit; write 5ms or 5s"),
+        ("rx28@1?answer_time=5-7ms", BadValue, "write 5ms or 5s"),
+        ("rx28@1,overload_time=1.5", BadValue, "write 1.5ms or 1.5s"),
         ("rx28@1,boot_time=1h", BadValue, "boot_time"),
         ("rx28@1,overload_time=0", BadValue, "overload_time"),
         ("rx28@1?as=hearsay", BadValue, "practice, manual"),
@@ -137,7 +140,8 @@ def test_what_makes_no_sense(spec: str, kind: type[Exception], why: str) -> None
         ("off", Span(0, 0)),
         ("on", Span(0.005, 0.007)),
         ("20us-0.2ms", Span(20e-6, 200e-6)),
-        ("0.6", Span(0.6, 0.6)),
+        ("0.6s", Span(0.6, 0.6)),
+        ("0", Span(0, 0)),
     ],
 )
 def test_times(word: str, span: Span) -> None:

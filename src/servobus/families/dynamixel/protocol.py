@@ -17,7 +17,7 @@ from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.units import BaudDivisor
 from servobus.core.values import frozen
-from servobus.errors import BadValue, Refused
+from servobus.errors import BadValue, Refused, WrongReply
 
 T = TypeVar("T")
 
@@ -307,13 +307,16 @@ def ping(id: int) -> Exchange[None]:
 
 
 def read_data(id: int, address: int, length: int) -> Exchange[bytes]:
-    """READ_DATA (3-5-1). Raises Refused if the servo has no such bytes."""
+    """READ_DATA (3-5-1). Raises Refused if the servo has no such bytes, WrongReply if it gives no reason."""
     what = f"READ_DATA id {id}, address {address}, {length} bytes"
 
     def interpret(packet: Packet) -> bytes:
         if len(packet.data) != length:
             _refusal(what, packet)
-            raise Refused(f"{what}: {len(packet.data)} bytes came back", packet.code)
+            raise WrongReply(
+                f"{what}: the status packet has {len(packet.data)} bytes of data and refuses nothing, so it answers "
+                "something else"
+            )
         return packet.data
 
     reply = ReplyPattern(id, None, (length, 0))

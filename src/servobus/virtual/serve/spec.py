@@ -188,7 +188,7 @@ def parse_specs(text: str) -> Servos:
         option, equals, value = part.partition("=")
         name, at, ids = part.rpartition("@")
         if at and not equals:
-            servos.append(Group(registry.model(name), []))
+            servos.append(Group(registry.simulated(name), []))
         if not servos:
             raise UsageError(f"{text!r} names no servos; write MODEL@IDS, such as {EXAMPLE}")
         last = servos[-1]
