@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from servobus.core.exchange import Exchange
-from servobus.core.framing import Framing
+from servobus.core.framing import BITS_PER_BYTE, Framing
 from servobus.core.values import frozen
 from servobus.link.stats import Counts
 from servobus.transports.base import Transport
