@@ -77,6 +77,12 @@ VIOLATIONS = [
     ("families", "families.model", "families.registry"),
     ("families", "families.explain", "families.present"),
     ("families", "families.record", "families.base"),
+    ("families", "families.stopping", "families.base"),
+    ("families", "families.stopping", "families.change"),
+    ("families", "families.motion", "families.stopping"),
+    ("families", "families.target", "families.motion"),
+    ("families", "families.model", "families.target"),
+    ("families", "families.reading", "families.model"),
     *[("family", f"families.{one}.protocol", f"families.{one}.verbs") for one in FAMILIES],
     *[("family", f"families.{one}.verbs", f"families.{one}.firmware") for one in FAMILIES],
     ("family", "families.dynamixel.verbs", "families.dynamixel.models.rx28"),
@@ -195,6 +201,11 @@ def test_what_is_allowed_breaks_none(importer: str, imported: str, graph: grimp.
     if not graph.direct_import_exists(importer=source, imported=target):
         graph = with_import(graph, importer, imported)
     assert [id for id in CONTRACTS if not is_kept(id, graph)] == []
+
+
+def test_the_one_import_that_runs_upwards_is_for_type_checkers_alone() -> None:
+    running = grimp.build_graph("servobus", exclude_type_checking_imports=True, cache_dir=None)
+    assert not running.direct_import_exists(importer="servobus.families.model", imported="servobus.families.base")
 
 
 def test_every_contract_has_a_violation_here() -> None:

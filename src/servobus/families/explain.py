@@ -5,7 +5,7 @@ from typing import Any
 
 from servobus.core.ids import BROADCAST
 from servobus.core.registers import Register
-from servobus.families.base import Model
+from servobus.families.model import Model
 
 
 def servo(id: int) -> str:

@@ -84,6 +84,12 @@ def no_torque(target: ServoRef, shutdown: str) -> TorqueOff:
     )
 
 
+def check_torque(target: ServoRef, status: MotionStatus) -> None:
+    """Raise TorqueOff if the servo has no torque, so that it would not move."""
+    if not status.torque:
+        raise no_torque(target, status.shutdown)
+
+
 def turns(target: ServoRef) -> UsageError:
     """Make the error for a goal that a servo in endless turn would not follow."""
     return UsageError(
@@ -144,6 +150,16 @@ def check_awake(target: KnownServo) -> None:
     """Raise Restarted if the servo has lost its RAM since it was set up."""
     if target.record.restarted:
         raise Restarted(f"{target} has restarted, and is not moved before torque_on() or rearm()")
+
+
+def about_to_turn(target: KnownServo) -> Procedure[MotionStatus]:
+    """Make sure that the servo would turn, and take note that it does. Raises TorqueOff, Stopped or Restarted."""
+    target.permit.ask()
+    check_awake(target)
+    status = yield from target.model.family.motion_status(target)
+    check_torque(target, status)
+    begin_motion(target)
+    return status
 
 
 ASKED_FOR = {Motion.GOAL, Motion.SPEED, Motion.MODE}
@@ -213,13 +229,11 @@ def _way(
     match row.motion:
         case Motion.GOAL:
             check_awake(target)
-            if not status.torque:
-                raise no_torque(target, status.shutdown)
+            check_torque(target, status)
             return check_goal(target, after, raw)
         case Motion.SPEED | Motion.MODE if raw and after.turning:
             check_awake(target)
-            if not status.torque:
-                raise no_torque(target, status.shutdown)
+            check_torque(target, status)
             return 0.0
         case Motion.ZERO if status.torque and not status.turning:
             (old,) = yield from target.model.family.read(target, [row])

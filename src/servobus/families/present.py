@@ -7,7 +7,8 @@ part needs to know what a model is, which the core does not. Nothing is printed 
 from typing import Any
 
 from servobus.core.units import show, shown
-from servobus.families.base import Family, Model
+from servobus.families.base import Family
+from servobus.families.model import Model
 
 # Servos and models
 

@@ -23,6 +23,11 @@ class ServoRef:
     model: type[Model]
     answers: Answers
 
+    @property
+    def answers_writes(self) -> bool:
+        """Whether it answers what writes to it, not only what reads it."""
+        return self.answers is Answers.EVERYTHING
+
     def __str__(self) -> str:
         return self.model.named(f"id {self.id}")
 

@@ -9,28 +9,9 @@ from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Register
 from servobus.core.units import Flags
 from servobus.core.values import replace
-from servobus.errors import BadValue, BusError, NoReply, Refused, UsageError
-from servobus.families.base import (
-    LIMP,
-    TRIES,
-    TURNS_NO_MORE,
-    Answers,
-    AxisMove,
-    Family,
-    Identity,
-    KnownServo,
-    Model,
-    MotionStatus,
-    Reading,
-    ServoRef,
-    StopOutcome,
-    TorqueState,
-    adjacent,
-    blocks,
-    cannot,
-    check_output,
-    within,
-)
+from servobus.errors import BadValue, NoReply, UsageError
+from servobus.families.base import Family, Identity
+from servobus.families.change import set_registers
 from servobus.families.dynamixel.places import TABLE, Address
 from servobus.families.dynamixel.protocol import (
     ALARMS,
@@ -55,7 +36,12 @@ from servobus.families.dynamixel.protocol import (
     write_data,
 )
 from servobus.families.explain import addressed, id_list, servo, show_bytes, show_span, show_values
-from servobus.families.motion import check_inside, nearest
+from servobus.families.model import Model
+from servobus.families.motion import AxisMove, MotionStatus, TorqueState, about_to_turn, check_inside, nearest
+from servobus.families.reading import Reading, adjacent, blocks, within
+from servobus.families.refusal import cannot, check_output, not_taken, stays_off
+from servobus.families.stopping import LIMP, TRIES, TURNS_NO_MORE, StopOutcome, let_go_outside, reachable
+from servobus.families.target import Answers, KnownServo, ServoRef
 
 
 def _address(register: Register[Any]) -> int:
@@ -140,7 +126,7 @@ class Dynamixel1(Family):
             elif worn:
                 yield from self.await_eeprom(replace(target, id=fresh[id]) if id in worn else target, size)
 
-    def _check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:
+    def check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:
         """Ask for Lock: once it is on, only addresses 24 to 35 can be written until power-off (3-4-2 Lock)."""
         if target.answers is Answers.NOTHING:
             return
@@ -152,13 +138,6 @@ class Dynamixel1(Family):
                 f"{target} is locked, so {names} cannot be written: until its power goes off only addresses "
                 f"{open_[0]} to {open_[-1]} (torque_enable to torque_limit) can; switch it off and on first"
             )
-
-    def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
-        names = ("present_position", "min_position", "max_position", *self.torque_rows)
-        raw = yield from self.read_values(target, names)
-        position: float = target.model.register("present_position").decode(raw["present_position"])
-        low, high, torque = raw["min_position"], raw["max_position"], self.torque_state(raw)
-        return MotionStatus(position, torque.on, low, high, low == high == 0, torque.shutdown)
 
     def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
         """Look at Torque Limit too: a shutdown sets it to 0, and leaves Torque Enable on (3-4-1 Alarm Shutdown)."""
@@ -199,14 +178,14 @@ class Dynamixel1(Family):
                 row, raw, outcome = speed, 0, TURNS_NO_MORE if motion_status.torque else LIMP
             elif not motion_status.torque:
                 return LIMP  # and a goal would switch it on
-            elif (here := self.reachable(target, motion_status)) is None:
-                return (yield from self.outside(target, motion_status))
+            elif (here := reachable(target, motion_status)) is None:
+                return (yield from let_go_outside(target, motion_status))
             else:
                 row, raw, outcome = goal, here, StopOutcome(f"held at {goal.show(goal.decode(here))}")
             yield from self.put(target, {row: raw}, keep=False)
-            if _answers(target) or (yield from self.read(target, [row])) == [raw]:
+            if target.answers_writes or (yield from self.read(target, [row])) == [raw]:
                 return outcome
-        raise BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
+        raise not_taken(target, row, raw)
 
     def give_back(self, target: KnownServo) -> Procedure[None]:
         """In endless turn the same register is an output (3-4-3)."""
@@ -219,9 +198,9 @@ class Dynamixel1(Family):
         row = target.model.register(name)
         for _ in range(TRIES):
             yield from self.put(target, {row: raw}, keep=False)
-            if _answers(target) or (yield from self.read(target, [row])) == [raw]:
+            if target.answers_writes or (yield from self.read(target, [row])) == [raw]:
                 return
-        raise BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
+        raise not_taken(target, row, raw)
 
     def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("present_load", "torque_limit")]
@@ -245,12 +224,11 @@ class Dynamixel1(Family):
         rows = [model.register(name) for name in ("max_torque", "alarm_shutdown")]
         most, mask = yield from self.read(target, rows)
         yield from self.let_go(target)
-        yield from self._set(target, {model.register("torque_limit"): most})
+        yield from set_registers(target, {model.register("torque_limit"): most})
         standing = (yield from self.read_alarms(target)) & mask
         if standing:
-            said = Flags(Error).show(Error(standing))
             done = "torque_enable is off now, so it goes nowhere when that is over"
-            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}; {done}", standing)
+            raise stays_off(target, standing, f"{Flags(Error).show(Error(standing))}; {done}")
 
     def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
         """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""
@@ -263,12 +241,12 @@ class Dynamixel1(Family):
         model = target.model
         share = model.turn_scale.encode(check_output(output))
         limits = {model.register("min_position"): 0, model.register("max_position"): 0}
-        motion_status = yield from self.about_to_turn(target)
+        motion_status = yield from about_to_turn(target)
         if not motion_status.turning:
             # A speed left over from position mode would spin it as soon as the limits are 0.
             yield from self.borrow(target)
             yield from self._write_raw_speed(target, 1)
-            yield from self._set(target, limits)
+            yield from set_registers(target, limits)
         yield from self._write_raw_speed(target, share)
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
@@ -292,11 +270,11 @@ class Dynamixel1(Family):
         if motion_status.torque:
             check_inside(target, after, whose="that it would get")
         target.record.check_wear(str(target), wanted)
-        yield from self._check_unlocked(target, list(wanted))
+        yield from self.check_unlocked(target, list(wanted))
         yield from self._write_raw_speed(target, 0)
         if motion_status.torque:
             yield from self.let_go(target)
-        yield from self._set(target, wanted)
+        yield from set_registers(target, wanted)
         if motion_status.torque:
             yield from self.torque(target, on=True)
         yield from self.give_back(target)
@@ -304,7 +282,7 @@ class Dynamixel1(Family):
     def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in ("on", "off", "red"):
             raise BadValue(f"{target} has one red light: on or off, not {colour!r}")
-        yield from self._set(target, {target.model.register("led"): int(colour != "off")})
+        yield from set_registers(target, {target.model.register("led"): int(colour != "off")})
 
     def reboot(self, target: KnownServo) -> Procedure[None]:
         yield from ()  # a procedure without steps
@@ -312,16 +290,16 @@ class Dynamixel1(Family):
 
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         self.check_reset(target, keep)
-        yield from reset(target.id, answered=_answers(target))
+        yield from reset(target.id, answered=target.answers_writes)
         factory_id = target.model.register("id").default
         return target.id if factory_id is None else factory_id, target.model.factory_baud
 
     def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
-        yield from self._set(target, {target.model.register("id"): check_id(id)})
+        yield from set_registers(target, {target.model.register("id"): check_id(id)})
 
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         register = target.model.register("baud")
-        yield from self._set(target, {register: register.encode(baud)})
+        yield from set_registers(target, {register: register.encode(baud)})
 
     def explain(self, packet: Packet, request: Packet | None = None, model: type[Model] | None = None) -> str:
         """Say what a packet means: nothing in it tells an instruction from a status packet, only what came before."""
@@ -400,11 +378,7 @@ def open_while_locked(model: type[Model]) -> range:
 
 
 def _write(target: ServoRef, address: int, data: bytes, *, repeatable: bool) -> Exchange[None]:
-    return write_data(target.id, address, data, answered=_answers(target), repeatable=repeatable)
-
-
-def _answers(target: ServoRef) -> bool:
-    return target.answers is Answers.EVERYTHING
+    return write_data(target.id, address, data, answered=target.answers_writes, repeatable=repeatable)
 
 
 def _goal_and_speed(axis: AxisMove) -> bytes:

@@ -2,7 +2,6 @@
 
 from servobus.core.framing import Packet
 from servobus.core.units import Quantity, show
-from servobus.families.base import Model
 from servobus.families.explain import addressed, servo, show_bytes, show_span, show_values
 from servobus.families.herkulex.places import EEP, RAM
 from servobus.families.herkulex.protocol import (
@@ -21,6 +20,7 @@ from servobus.families.herkulex.protocol import (
     SJog,
     show_flags,
 )
+from servobus.families.model import Model
 
 
 def say_request(message: Request, packet: Packet, model: type[Model] | None) -> str:

@@ -12,28 +12,9 @@ from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Location, Register
 from servobus.core.units import deg, show
-from servobus.errors import BadValue, BusError, NoReply, Refused
-from servobus.families.base import (
-    LIMP,
-    TRIES,
-    TURNS_NO_MORE,
-    Answers,
-    AxisMove,
-    Family,
-    Identity,
-    KnownServo,
-    Model,
-    MotionStatus,
-    Reading,
-    ServoRef,
-    StopOutcome,
-    TorqueState,
-    adjacent,
-    blocks,
-    cannot,
-    fetch,
-    within,
-)
+from servobus.errors import BadValue, BusError, NoReply
+from servobus.families.base import Family, Identity
+from servobus.families.change import set_registers
 from servobus.families.explain import addressed
 from servobus.families.herkulex.explain import say_ack, say_request
 from servobus.families.herkulex.places import EEP, RAM
@@ -77,7 +58,12 @@ from servobus.families.herkulex.protocol import (
     show_flags,
     stat,
 )
-from servobus.families.motion import nearest, raw_position
+from servobus.families.model import Model
+from servobus.families.motion import AxisMove, MotionStatus, TorqueState, about_to_turn, nearest, raw_position
+from servobus.families.reading import Reading, adjacent, blocks, fetch, within
+from servobus.families.refusal import cannot, stays_off
+from servobus.families.stopping import LIMP, TRIES, TURNS_NO_MORE, StopOutcome, let_go_outside, reachable
+from servobus.families.target import Answers, KnownServo, ServoRef
 
 _COLOURS = {
     "off": Led.OFF, "on": Led.GREEN | Led.BLUE | Led.RED, "white": Led.GREEN | Led.BLUE | Led.RED,
@@ -100,6 +86,7 @@ class Herkulex(Family):
     keepable = tuple(_KEEPS)
     driven = TorqueControl.ON
     torque_rows = ("torque_control", "torque_policy", "status_error")
+    mode_rows = ("current_control_mode",)
     holds_outside_limits = True  # H-51
     patience = LONGEST_BOOT
     needs = (
@@ -165,12 +152,8 @@ class Herkulex(Family):
         """EEP is written by `store`, and by `write` where RAM does not have the register."""
         return register.area is Area.EEPROM and (keep or not register.place.has_working_copy)
 
-    def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
-        names = ("present_position", "min_position", "max_position", "current_control_mode", *self.torque_rows)
-        raw = yield from self.read_values(target, names)
-        position: float = target.model.register("present_position").decode(raw["present_position"])
-        turning, torque = raw["current_control_mode"] == ControlMode.INFINITE_TURN, self.torque_state(raw)
-        return MotionStatus(position, torque.on, raw["min_position"], raw["max_position"], turning, torque.shutdown)
+    def is_turning(self, values: Mapping[str, int]) -> bool:
+        return values["current_control_mode"] == ControlMode.INFINITE_TURN
 
     def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
         """Look at the errors too: those of Torque Policy keep the torque off until they are cleared (H-52 to H-54)."""
@@ -219,8 +202,8 @@ class Herkulex(Family):
                 if (yield from self._stands(target)):
                     return TURNS_NO_MORE
                 continue
-            if self.reachable(target, motion_status) is None:
-                return (yield from self.outside(target, motion_status))
+            if reachable(target, motion_status) is None:
+                return (yield from let_go_outside(target, motion_status))
             before = yield from self.read(target, [row])
             yield from _jog(target, Jog(target.id, nearest(target, motion_status), stop=True))
             if (yield from self.read(target, [row])) != before or (yield from self._stands(target)):
@@ -271,7 +254,7 @@ class Herkulex(Family):
         """Torque Control 0x40 (5-2 RAM 52)."""
         row = target.model.register("torque_control")
         for _ in range(TRIES):
-            yield from self._set(target, {row: TorqueControl.BRAKE})
+            yield from set_registers(target, {row: TorqueControl.BRAKE})
             if target.answers is Answers.NOTHING or (yield from self.read(target, [row])) == [TorqueControl.BRAKE]:
                 return
         raise BusError(f"{target} did not brake")
@@ -301,16 +284,15 @@ class Herkulex(Family):
         if not standing & policy:
             standing = yield from self._clear(target)
         if standing & policy:
-            said = show_flags(standing & policy)
-            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
+            raise stays_off(target, standing, show_flags(standing & policy))
 
     def _clear(self, target: KnownServo) -> Procedure[StatusError]:
         """Write 0 to Status Error and Status Detail; give what stands there afterwards."""
         clear = {target.model.register(name): 0 for name in ("status_error", "status_detail")}
-        yield from self._set(target, clear)
+        yield from set_registers(target, clear)
         ack = yield from stat(target.id)
         if ack.status_error:  # by default a write is not answered: it may have been lost
-            yield from self._set(target, clear)
+            yield from set_registers(target, clear)
             ack = yield from stat(target.id)
         return ack.status_error
 
@@ -323,7 +305,7 @@ class Herkulex(Family):
         if not abs(speed) <= fastest:  # so that NaN is refused too
             raise BadValue(f"{target}: speed {show(speed, 'rad/s')} is beyond {show(fastest, 'rad/s')}")
         raw = scale.encode(speed)
-        yield from self.about_to_turn(target)
+        yield from about_to_turn(target)
         yield from _jog(target, Jog(target.id, raw, ControlMode.INFINITE_TURN, playtime=_TURN_PLAYTIME))
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
@@ -346,11 +328,11 @@ class Herkulex(Family):
     def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in _COLOURS:
             raise BadValue(f"{target} has no light {colour!r}, only {', '.join(_COLOURS)}")
-        yield from self._set(target, {target.model.register("led_control"): _COLOURS[colour]})
+        yield from set_registers(target, {target.model.register("led_control"): _COLOURS[colour]})
 
     def reboot(self, target: KnownServo) -> Procedure[None]:
         target.record.forget()
-        yield from reboot(target.id, answered=_answers(target))
+        yield from reboot(target.id, answered=target.answers_writes)
 
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         self.check_reset(target, keep)
@@ -363,7 +345,7 @@ class Herkulex(Family):
         assert new_id is not None
         assert code is not None
         kept = Keep(sum(_KEEPS[name] for name in keep))
-        yield from rollback(target.id, kept, answered=_answers(target))
+        yield from rollback(target.id, kept, answered=target.answers_writes)
         yield Pause(EEP_TIME)
         yield from self.await_eeprom(target, 0)
         yield from self.reboot(target)
@@ -413,11 +395,11 @@ class Herkulex(Family):
         for (space, address), data in parts:
             maps[space][address] = data
         for address, data in adjacent(maps[EEP]):
-            yield from eep_write(target.id, address, data, answered=_answers(target))
+            yield from eep_write(target.id, address, data, answered=target.answers_writes)
             yield from self.await_eeprom(target, len(data))
         for address, data in reversed(adjacent(maps[RAM])):
             new_policy = address <= ACK_POLICY < address + len(data)
-            yield from ram_write(target.id, address, data, answered=_answers(target) and not new_policy)
+            yield from ram_write(target.id, address, data, answered=target.answers_writes and not new_policy)
             if new_policy:
                 # Whether the old or the new policy rules the ACK is an assumption (H-30): let one pass unheard.
                 yield Pause(2 * TURNAROUND)
@@ -496,12 +478,8 @@ def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequen
     return Reading(tuple(exchanges), tuple(places))
 
 
-def _answers(target: ServoRef) -> bool:
-    return target.answers is Answers.EVERYTHING
-
-
 def _jog(target: ServoRef, jog: Jog) -> Procedure[None]:
-    yield from i_jog(target.id, [jog], answered=_answers(target))
+    yield from i_jog(target.id, [jog], answered=target.answers_writes)
 
 
 def _playtime(axis: AxisMove) -> int:

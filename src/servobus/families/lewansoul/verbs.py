@@ -9,25 +9,9 @@ from servobus.core.ids import BROADCAST, check_id
 from servobus.core.registers import Area, Register
 from servobus.core.units import Flags, deg
 from servobus.core.values import replace
-from servobus.errors import BadValue, BusError, Refused, UsageError
-from servobus.families.base import (
-    LIMP,
-    TRIES,
-    TURNS_NO_MORE,
-    Answers,
-    AxisMove,
-    Family,
-    Identity,
-    KnownServo,
-    Model,
-    MotionStatus,
-    Reading,
-    ServoRef,
-    StopOutcome,
-    TorqueState,
-    cannot,
-    check_output,
-)
+from servobus.errors import BadValue, BusError, UsageError
+from servobus.families.base import Family, Identity
+from servobus.families.change import set_registers
 from servobus.families.explain import addressed, show_bytes, show_value
 from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import (
@@ -52,7 +36,12 @@ from servobus.families.lewansoul.protocol import (
     values_of,
     without_surplus,
 )
-from servobus.families.motion import raw_position
+from servobus.families.model import Model
+from servobus.families.motion import AxisMove, MotionStatus, TorqueState, about_to_turn, raw_position
+from servobus.families.reading import Reading
+from servobus.families.refusal import cannot, check_output, not_taken, stays_off
+from servobus.families.stopping import LIMP, TRIES, TURNS_NO_MORE, StopOutcome, let_go_outside, reachable
+from servobus.families.target import Answers, KnownServo, ServoRef
 
 WATCH = 0.05
 """s between the two looks that tell whether a servo moves."""
@@ -68,6 +57,7 @@ class Lewansoul(Family):
     torque_rows = (
         "torque_enable", "present_temperature", "max_temperature", "present_voltage", "min_voltage", "max_voltage"
     )  # fmt: skip
+    mode_rows = ("mode",)
     holds_outside_limits = True  # L-70
     one_table = True  # the protocol document defines what its commands carry, and names no model
     torque_returns = True  # point 16
@@ -109,15 +99,8 @@ class Lewansoul(Family):
         """Command 19 tells the offset in use, which command 18 may not have saved yet."""
         return not _is_offset(register)
 
-    def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
-        raw = yield from self.read_values(
-            target, ("present_position", "min_position", "max_position", "mode", *self.torque_rows)
-        )
-        position: float = target.model.register("present_position").decode(raw["present_position"])
-        torque = self.torque_state(raw)
-        return MotionStatus(
-            position, torque.on, raw["min_position"], raw["max_position"], raw["mode"] == Mode.MOTOR, torque.shutdown
-        )
+    def is_turning(self, values: Mapping[str, int]) -> bool:
+        return values["mode"] == Mode.MOTOR
 
     def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
         """Look at temperature and supply too: outside their limits it lets go by itself (points 14, 16)."""
@@ -164,8 +147,8 @@ class Lewansoul(Family):
                     return TURNS_NO_MORE if motion_status.torque else LIMP
             elif not motion_status.torque:
                 return LIMP  # and a move may switch it on (L-69)
-            elif (here := self.reachable(target, motion_status)) is None:
-                return (yield from self.outside(target, motion_status))
+            elif (here := reachable(target, motion_status)) is None:
+                return (yield from let_go_outside(target, motion_status))
             else:
                 yield from move_time_write(target.id, here, 0)
                 if (yield from self.read(target, [goal])) == [here]:
@@ -180,7 +163,7 @@ class Lewansoul(Family):
         goal = target.model.register("goal_position")
         way = goal.scale.decode(raw["goal_position"]) - goal.scale.decode(raw["present_position"])
         if raw["torque_enable"] and abs(way) < FAR:
-            yield from self._set(target, {goal: raw["goal_position"], **target.record.lent})
+            yield from set_registers(target, {goal: raw["goal_position"], **target.record.lent})
 
     def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
         """A servo that is loaded holds the angle at which it is (L-70, assumption).
@@ -203,7 +186,7 @@ class Lewansoul(Family):
             if (yield from self.read(target, [row])) == [raw]:
                 return
         if motion_status.turning or motion_status.low <= here <= motion_status.high:
-            raise BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
+            raise not_taken(target, row, raw)
 
     def push(self, target: ServoRef) -> Procedure[float]:
         """Nothing tells the output: one that holds and is not near its goal is taken to push with all it has."""
@@ -221,8 +204,7 @@ class Lewansoul(Family):
         """Unload: of itself it would go on with its last move when the alarm is over (16)."""
         standing = yield from self.read_alarms(target)
         if standing:
-            said = Flags(Alarm).show(standing)
-            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
+            raise stays_off(target, standing, Flags(Alarm).show(standing))
         if not motion_status.torque:
             yield from self.torque(target, on=False)
 
@@ -231,7 +213,7 @@ class Lewansoul(Family):
         if output is None or speed is not None:
             raise cannot(target, "turn at a given speed", "motor mode has no speed control; give output=-1..1")
         duty = target.model.register("motor_speed").encode(check_output(output))
-        yield from self.about_to_turn(target)
+        yield from about_to_turn(target)
         yield from mode_write(target.id, Mode.MOTOR, duty)
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
@@ -262,7 +244,7 @@ class Lewansoul(Family):
         if colour not in ("on", "off"):
             raise BadValue(f"{target} has one light: on or off, not {colour!r}")
         led = target.model.register("led")
-        yield from self._set(target, {led: led.encode(colour == "on")})
+        yield from set_registers(target, {led: led.encode(colour == "on")})
 
     def reboot(self, target: KnownServo) -> Procedure[None]:
         yield from ()  # a procedure without steps
@@ -276,7 +258,7 @@ class Lewansoul(Family):
         raise _no_reset(target)
 
     def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
-        yield from self._set(target, {target.model.register("id"): check_id(id)})
+        yield from set_registers(target, {target.model.register("id"): check_id(id)})
 
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         yield from ()  # a procedure without steps
