@@ -162,7 +162,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         self.transport.close()
 
     async def reopen(self) -> ReconnectReport[AsyncBusServo]:
-        """Open the port again after it was lost, and see who is there; see `Bus.reopen`."""
+        """Open the port again after it was lost, and see which servos are there; see `Bus.reopen`."""
         turn = turn_for(Priority.MOTION)
         try:
             await self.line.acquire_async(turn)

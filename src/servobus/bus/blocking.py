@@ -126,7 +126,7 @@ class Bus(Blocking, BaseBus[BusServo]):
         self.transport.close()
 
     def reopen(self) -> ReconnectReport[BusServo]:
-        """Open the port again after it was lost, and see who is there; see `ReconnectReport`.
+        """Open the port again after it was lost, and see which servos are there; see `ReconnectReport`.
 
         A USB adapter is found by its serial number, whatever the port is called now. Servos that lost their RAM, so
         their supply too, are not moved until `torque_on` or `rearm`. Raises PortError if the port is not there.

@@ -1,4 +1,4 @@
-"""Who is there again after a port was lost, and which servos have lost their RAM meanwhile."""
+"""Which servos are there again after a port was lost, and which servos have lost their RAM meanwhile."""
 
 from collections.abc import Iterable
 from typing import Literal, TypeAlias, TypeVar

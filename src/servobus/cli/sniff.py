@@ -14,9 +14,11 @@ import click
 
 from servobus.cli import complete
 from servobus.cli.decode import find_family_and_model
-from servobus.cli.options import BAUD, FamilyOption, ModelOption, as_json, stop_on_signals, verb
+from servobus.cli.interrupts import stop_on_signals
+from servobus.cli.options import FamilyOption, ModelOption, as_json, verb
 from servobus.cli.output import compact, note
 from servobus.cli.packets import print_events, print_summary
+from servobus.cli.values import BAUD
 from servobus.connect import FIRST_BAUD, transport
 from servobus.core.framing import BITS_PER_BYTE
 from servobus.errors import ServobusError, UsageError

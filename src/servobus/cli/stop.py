@@ -5,20 +5,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import click
 
 from servobus import Bus, BusServo, ServobusError
-from servobus.cli.options import (
-    ALL,
-    TRIES,
-    Ids,
-    Where,
-    check_to_limit,
-    find_all,
-    on_servos,
-    open_port,
-    signals_as_interrupt,
-    to_limit_options,
-    verb,
-)
+from servobus.cli.finding import TRIES, Where, find_all, open_port
+from servobus.cli.interrupts import signals_as_interrupt
+from servobus.cli.options import check_to_limit, on_servos, to_limit_options, verb
 from servobus.cli.output import note, warn_alarms
+from servobus.cli.values import ALL, Ids
 from servobus.core.ids import BROADCAST, LAST_ID
 from servobus.errors import BusError, MotionError, NoReply, PortError, PortLost, StopFailed
 from servobus.families import registry

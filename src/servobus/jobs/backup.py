@@ -123,7 +123,7 @@ def settings(model: type[Model]) -> list[Register[Any]]:
 
 
 def identity_names(model: type[Model]) -> set[str]:
-    """Name the registers that say who a servo is rather than how it behaves."""
+    """Name the registers that say which servo it is rather than how it behaves."""
     return {row.name for row in (model.register("id"), model.optional("baud")) if row is not None}
 
 

@@ -244,7 +244,7 @@ def telling_before(before: Mapping[str, Any], text: str) -> Iterator[None]:
 def _locate(family: Family, new: BusAddress, old: BusAddress) -> Procedure[BusAddress | None]:
     """Find the end at which a servo answers clearly, the new one first; the bus is at its speed then.
 
-    A servo that starts anew, or writes its EEPROM, is deaf meanwhile: both ends are asked again for
+    A servo that starts anew, or writes its EEPROM, hears nothing meanwhile: both ends are asked again for
     `Family.patience` s.
     """
     began: float = yield Now()
