@@ -32,7 +32,7 @@ from servobus.families.record import MotionPermit, SafeAction, ServoRecord, chec
 from servobus.jobs import endless_turn, reconfigure
 from servobus.jobs.backup import Backup, backup, restore
 from servobus.jobs.look import Snapshot, identify_at, look, verify
-from servobus.jobs.make_safe import let_go, stop
+from servobus.jobs.make_safe import give_back, let_go, stop
 from servobus.jobs.move import PlannedMove, goal_from_here, plan_and_start
 from servobus.jobs.torque import rearm, torque_on
 from servobus.safety.safe_stop import check_safe_action
@@ -284,7 +284,10 @@ class Servo(Closed):
         is lost or makes no sense, or it refuses. Raises BusError, NoReply among them, only if nothing shows that even
         this has arrived: then it may still move. One whose torque is off already is left so.
         """
-        return stop(self.target)
+        outcome = yield from stop(self.target)
+        if not outcome.let_go:
+            yield from give_back(self.target)
+        return outcome
 
     @bus_method
     @urgent(Priority.MOTION)

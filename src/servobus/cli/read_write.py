@@ -11,9 +11,9 @@ from servobus import Bus, BusServo
 from servobus.cli import complete
 from servobus.cli.finding import Where, find_all, for_each, found, open_port
 from servobus.cli.options import as_json, on_servos_with, verb
-from servobus.cli.output import json_entries, note, warn_alarms
+from servobus.cli.output import json_entries, note, warn_alarms, which
 from servobus.cli.values import SECONDS, Ids, are_several, check_above_0, split_assignment
-from servobus.core.present import json_value, unit_text, value_entry, value_text
+from servobus.core.present import change_entry, value_entry, value_text
 from servobus.core.registers import Register
 from servobus.errors import BadValue, BusError, UsageError
 from servobus.families.base import Answers
@@ -67,7 +67,7 @@ def read(
         values = _values(servo, names)
         if json:
             registers = {name: value_entry(row, raw) for name, (row, raw) in values.items()}
-            entries.append({**_which(servo), "registers": registers} if several else registers)
+            entries.append({**which(servo), "registers": registers} if several else registers)
         else:
             _print_rows(servo, {name: value_text(row, raw) for name, (row, raw) in values.items()}, several=several)
         warn_alarms(servo)
@@ -106,11 +106,6 @@ def _values(servo: BusServo, names: Sequence[str]) -> dict[str, tuple[Register[A
     """Read registers: name -> register and raw value."""
     rows = [_readable(servo, name) for name in names]
     return dict(zip(names, zip(rows, servo.read_raw(rows), strict=True), strict=True))
-
-
-def _which(servo: BusServo) -> dict[str, Any]:
-    """Say for programs which servo is meant, among several."""
-    return {"family": servo.family.name, "model": servo.model.key(), "id": servo.id, "baud": servo.baud}
 
 
 def _print_rows(servo: BusServo, values: Mapping[str, str], *, several: bool) -> None:
@@ -169,8 +164,8 @@ def _write(
     before = dict(zip(raws, old, strict=True)) if old is not None else {}
     after = dict(zip(raws, new, strict=True)) if new is not None else raws
     if entries is not None:
-        changes = {row.name: _change(row, before.get(row), after[row]) for row in raws}
-        entries.append({**_which(servo), "registers": changes} if several else changes)
+        changes = {row.name: change_entry(row, before.get(row), after[row]) for row in raws}
+        entries.append({**which(servo), "registers": changes} if several else changes)
     else:
         texts = {
             row.name: f"{value_text(row, before[row]) if row in before else '?'} -> {value_text(row, after[row])}"
@@ -186,14 +181,6 @@ def _write(
             raise BusError(
                 f"{servo.target} did not take {row.name} = {value_text(row, raw)}: it is {value_text(row, now)}"
             )
-
-
-def _change(row: Register[Any], old: int | None, new: int) -> dict[str, Any]:
-    return {
-        "old": None if old is None else json_value(row, old),
-        "new": json_value(row, new),
-        "unit": unit_text(row),
-    }
 
 
 def _readable(servo: BusServo, name: str) -> Register[Any]:

@@ -4,6 +4,7 @@ import shlex
 import sys
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -15,11 +16,11 @@ from servobus.cli.output import note
 from servobus.cli.values import BAUD, UnitType
 from servobus.cli.virtual_console import VirtualConsole, read_commands
 from servobus.cli.virtual_options import options_text, write_options
-from servobus.virtual.device.options import READINGS, Reading
+from servobus.virtual.device.options import READINGS
 from servobus.virtual.physics.motor import NOTHING, Load
 from servobus.virtual.serve.ports import serve_pty, serve_tcp
 from servobus.virtual.serve.rig import Rig, build_rig
-from servobus.virtual.serve.spec import REAL_CLOCK, Clock, Servos, Setup, parse_load, parse_specs
+from servobus.virtual.serve.spec import REAL_CLOCK, Servos, Setup, parse_load, parse_specs
 from servobus.virtual.wire.adapter import WHOLE, Adapter
 from servobus.virtual.wire.faults import KINDS, NO_FAULTS, SETTINGS, Faults, explain
 
@@ -64,6 +65,8 @@ class VirtualVerb(Verb):
         write_options(formatter)
 
 
+FILE = click.Path(path_type=Path)
+
 EXAMPLES = (
     "servobus virtual rx28@1-4,7",
     "servobus virtual lx16a@1,2 --pty /tmp/arm --state arm.json",
@@ -79,10 +82,10 @@ EXAMPLES = (
 
 @click.command("virtual", cls=VirtualVerb, examples=EXAMPLES)
 @click.argument("specs", metavar="SPEC...", nargs=-1, required=True, shell_complete=complete.specs)
-@click.option("--pty", metavar="LINK", help="Make LINK a symbolic link to the terminal.")
+@click.option("--pty", type=FILE, metavar="LINK", help="Make LINK a symbolic link to the terminal.")
 @click.option("--tcp", metavar="[HOST:]PORT", help="Serve a TCP port instead; port 0 takes any free one.")
 @click.option("--baud", type=BAUD, metavar="N", help="Speed the servos start with; else the factory speed.")
-@click.option("--state", metavar="FILE", help="Keep the EEPROM contents in FILE, so that it survives.")
+@click.option("--state", type=FILE, metavar="FILE", help="Keep the EEPROM contents in FILE, so that it survives.")
 @click.option("--echo", is_flag=True, help="Give back what is sent, as some adapters do.")
 @click.option("--voltage", type=UnitType("volts", "V"), metavar="V", help="Supply; else the model's nominal voltage.")
 @click.option("--temperature", type=UnitType("degrees Celsius", "degC"), metavar="C", help="Of the cases; else 25.")
@@ -130,22 +133,7 @@ EXAMPLES = (
 @click.option("--clock", type=click.Choice(("real", "virtual")), default="real", hidden=True)
 @click.option("--show", is_flag=True, help="Show every servo in a live table. Needs a terminal.")
 def virtual(
-    specs: tuple[str, ...],
-    pty: str | None,
-    tcp: str | None,
-    baud: int | str | None,
-    state: str | None,
-    echo: bool,
-    voltage: float | None,
-    temperature: float | None,
-    supply_resistance: float | None,
-    motor: str | None,
-    load: Load,
-    adapter: Adapter,
-    faults: Faults,
-    reading: Reading,
-    clock: Clock,
-    show: bool,
+    specs: tuple[str, ...], pty: Path | None, tcp: str | None, show: bool, baud: int | str | None, **surroundings: Any
 ) -> None:
     """Be servos on a pseudo terminal, which any program opens like a serial port, until interrupted.
 
@@ -170,21 +158,7 @@ def virtual(
             REAL_CLOCK if "clock=virtual" in text else "what stands behind ? in a port's name is an option here"
         )
     servos = parse_specs(text)
-    setup = Setup(
-        servos,
-        clock=clock,
-        echo=echo,
-        baud=baud,
-        voltage=voltage,
-        temperature=temperature,
-        state=Path(state) if state else None,
-        motor=motor,
-        supply_resistance=supply_resistance,
-        load=load,
-        adapter=adapter,
-        faults=faults,
-        reading=reading,
-    )
+    setup = Setup(servos, baud=baud, **surroundings)
     address = _host_and_port(tcp) if tcp else None
     stop = stop_on_signals()
     rig = build_rig(setup)
@@ -202,7 +176,7 @@ def virtual(
         if address:
             serve_tcp(rig, *address, stop, ready)
         else:
-            serve_pty(rig, Path(pty) if pty else None, stop, ready)
+            serve_pty(rig, pty, stop, ready)
     finally:
         stop.set()
         if table:

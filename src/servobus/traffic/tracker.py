@@ -15,8 +15,7 @@ from servobus.core.exchange import ReplyPattern
 from servobus.core.framing import BITS_PER_BYTE, Corrupt, Packet
 from servobus.core.ids import BROADCAST
 from servobus.families.base import Family, Model
-from servobus.families.explain import addressed, servo, show_bytes
-from servobus.families.present import junk_text
+from servobus.families.explain import addressed, junk_text, servo, show_bytes
 from servobus.families.registry import FAMILIES
 from servobus.traffic.events import GRAIN, UNASKED, EventKind, ServoTraffic, TrafficEvent, Trouble
 from servobus.traffic.open_reply import OpenReply
