@@ -6,7 +6,6 @@ from typing import Literal
 
 import servobus
 from servobus import Bus, BusServo
-from servobus.cli.output import note
 from servobus.cli.values import ALL, Ids
 from servobus.core.ids import LAST_ID
 from servobus.errors import NoReply, ServobusError, UnknownName, UsageError
@@ -162,17 +161,6 @@ def find_all(bus: Bus, where: Where, ids: Ids, *, shared: bool = False) -> list[
     outcome = search(bus, where, ids, shared=shared)
     for error in outcome.missing.values():
         raise error
-    return outcome.servos
-
-
-def found(bus: Bus, where: Where, ids: Ids) -> list[BusServo]:
-    """Find the servos that are there, and note which are not. Raises ServobusError if none is."""
-    outcome = search(bus, where, ids)
-    errors = list(outcome.missing.values())
-    if not outcome.servos:
-        raise errors[0]
-    for error in errors:
-        note(f"servobus: {error}")
     return outcome.servos
 
 

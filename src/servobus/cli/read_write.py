@@ -9,7 +9,7 @@ import click
 
 from servobus import Bus, BusServo
 from servobus.cli import complete
-from servobus.cli.finding import Where, find_all, for_each, found, open_port
+from servobus.cli.finding import Where, find_all, for_each, open_port
 from servobus.cli.options import as_json, on_servos_with, verb
 from servobus.cli.output import json_entries, note, warn_alarms, which
 from servobus.cli.values import SECONDS, Ids, are_several, check_above_0, split_assignment
@@ -53,7 +53,8 @@ def read(
     list if several servos are named, or `all`.
 
     --watch shows values live: in a table on a terminal, else a line (--json: an object) for each servo each time. A
-    servo that does not answer is shown so, and comes back. Nothing moves.
+    servo that does not answer is shown so, and comes back; an id that is not there at the start joins in when it
+    answers, and if it never does the exit code is 1. Nothing moves.
     """
     if watch:
         _watch(port, ids, where, names, interval, seconds, csv, json=json)
@@ -97,8 +98,7 @@ def _watch(
     for option, value in (("--interval", interval), ("--seconds", seconds)):
         check_above_0(option, value)
     with open_port(port) as bus:
-        servos = found(bus, where, ids)
-        sampler = Sampler(bus, servos, names, 0.2 if interval is None else interval)
+        sampler = Sampler(bus, where, ids, names, 0.2 if interval is None else interval)
         watch(sampler, seconds=seconds, csv=csv, json=json)
 
 

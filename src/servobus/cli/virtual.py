@@ -170,7 +170,8 @@ def virtual(
         _ready(name)
         if table:
             table.start(name)
-        read_commands(VirtualConsole(rig, table.show_note if table else note), stop)
+        console = VirtualConsole(rig, table.show_note if table else note)
+        read_commands(console, stop, table.line_typed if table and sys.stdin.isatty() else None)
 
     try:
         if address:

@@ -40,7 +40,7 @@ def watch(sampler: Sampler, *, seconds: float | None, csv: Path | None, json: bo
                     live.update(_table(samples), refresh=True)
         except KeyboardInterrupt:
             pass  # that is how it ends
-    sampler.tell_missed()
+    sampler.tell_end()
 
 
 def by_servo(samples: Sequence[Sample]) -> dict[BusServo, list[Sample]]:
