@@ -11,18 +11,12 @@ import click
 
 from servobus.cli import complete
 from servobus.cli.canvas import Curve, Panel, draw
-from servobus.cli.options import (
-    SECONDS,
-    Ids,
-    Where,
-    check_above_0,
-    on_servos_with,
-    open_port,
-    signals_as_interrupt,
-    verb,
-)
+from servobus.cli.finding import Where, open_port
+from servobus.cli.interrupts import signals_as_interrupt
+from servobus.cli.options import on_servos_with, verb
 from servobus.cli.output import console
 from servobus.cli.samples import CsvFile, Sample, Sampler
+from servobus.cli.values import SECONDS, Ids, check_above_0
 from servobus.core.present import unit_text
 from servobus.core.units import Quantity
 

@@ -9,21 +9,10 @@ import click
 
 from servobus import Bus, BusServo
 from servobus.cli import complete
-from servobus.cli.options import (
-    SECONDS,
-    Ids,
-    Where,
-    are_several,
-    as_json,
-    check_above_0,
-    find_all,
-    for_each,
-    on_servos_with,
-    open_port,
-    split_assignment,
-    verb,
-)
+from servobus.cli.finding import Where, find_all, for_each, open_port
+from servobus.cli.options import as_json, on_servos_with, verb
 from servobus.cli.output import json_entries, note, warn_alarms, which
+from servobus.cli.values import SECONDS, Ids, are_several, check_above_0, split_assignment
 from servobus.core.present import change_entry, value_entry, value_text
 from servobus.core.registers import Register
 from servobus.errors import BadValue, BusError, UsageError

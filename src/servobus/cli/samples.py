@@ -13,9 +13,10 @@ from typing import Any, Self
 
 from servobus import Bus, BusServo, ServobusError
 from servobus.bus.cycle import Result
-from servobus.cli.options import Ids, Where, search
+from servobus.cli.finding import Where, search
 from servobus.cli.output import note
 from servobus.cli.read_write import readable
+from servobus.cli.values import Ids
 from servobus.core.present import decoded_json, unit_text
 from servobus.core.registers import Register
 from servobus.core.values import frozen

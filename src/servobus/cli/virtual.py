@@ -11,9 +11,10 @@ import click
 
 from servobus.cli import complete
 from servobus.cli.app import Verb
+from servobus.cli.interrupts import stop_on_signals
 from servobus.cli.live_table import LiveTable
-from servobus.cli.options import BAUD, UnitType, stop_on_signals
 from servobus.cli.output import note
+from servobus.cli.values import BAUD, UnitType
 from servobus.cli.virtual_console import VirtualConsole, read_commands
 from servobus.cli.virtual_options import options_text, write_options
 from servobus.virtual.device.options import READINGS

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from servobus import BusServo
-from servobus.cli.options import signals_as_interrupt
+from servobus.cli.interrupts import signals_as_interrupt
 from servobus.cli.output import compact, console
 from servobus.cli.samples import CsvFile, Sample, Sampler
 from servobus.core.present import unit_text
