@@ -12,7 +12,7 @@ from servobus.cli import complete
 from servobus.cli.finding import Where, find_all, for_each, open_port
 from servobus.cli.options import as_json, on_servos_with, verb
 from servobus.cli.output import json_entries, note, warn_alarms, which
-from servobus.cli.values import SECONDS, Ids, are_several, check_above_0, split_assignment
+from servobus.cli.values import SECONDS, Ids, are_several, check_above_0, readable, split_assignment
 from servobus.core.present import change_entry, value_entry, value_text
 from servobus.core.registers import Register
 from servobus.errors import BadValue, BusError, UsageError
@@ -104,7 +104,7 @@ def _watch(
 
 def _values(servo: BusServo, names: Sequence[str]) -> dict[str, tuple[Register[Any], int]]:
     """Read registers: name -> register and raw value."""
-    rows = [readable(servo, name) for name in names]
+    rows = [readable(servo.model, name) for name in names]
     return dict(zip(names, zip(rows, servo.read_raw(rows), strict=True), strict=True))
 
 
@@ -145,7 +145,7 @@ def write(port: str, ids: Ids, where: Where, settings: tuple[str, ...], save: bo
 
 def _encoded(servo: BusServo, wanted: Mapping[str, str]) -> dict[Register[Any], int]:
     """Check names and values for a servo: register -> raw value."""
-    values = {readable(servo, name): value for name, value in wanted.items()}
+    values = {readable(servo.model, name): value for name, value in wanted.items()}
     if len(values) != len(wanted):
         raise BadValue("a register is named twice, once by an alias")
     return {row: _encode(servo, row, value) for row, value in values.items()}
@@ -181,14 +181,6 @@ def _write(
             raise BusError(
                 f"{servo.target} did not take {row.name} = {value_text(row, raw)}: it is {value_text(row, now)}"
             )
-
-
-def readable(servo: BusServo, name: str) -> Register[Any]:
-    """Find a register by name. Raises UnknownName, or UsageError for one that is reserved."""
-    row = servo.model.register(name)
-    if not row.readable:
-        raise UsageError(f"{row.model} {row.name} is reserved: it has no meaning")
-    return row
 
 
 def _encode(servo: BusServo, row: Register[Any], value: str) -> int:

@@ -15,8 +15,7 @@ from servobus import Bus, BusServo, ServobusError
 from servobus.bus.cycle import Result
 from servobus.cli.finding import Where, search
 from servobus.cli.output import note
-from servobus.cli.read_write import readable
-from servobus.cli.values import Ids
+from servobus.cli.values import Ids, readable
 from servobus.core.present import decoded_json, unit_text
 from servobus.core.registers import Register
 from servobus.core.values import frozen
@@ -96,7 +95,7 @@ class Sampler:
         self._latecomers = Latecomers(bus, where, found.missing)
 
     def _take(self, servos: Sequence[BusServo]) -> None:
-        self.columns += [(servo, name, readable(servo, name)) for servo in servos for name in self._names]
+        self.columns += [(servo, name, readable(servo.model, name)) for servo in servos for name in self._names]
         self._servos += servos
         self._cycle = self._bus.cycle(self._names, write=(), servos=self._servos)
 

@@ -1,4 +1,4 @@
-"""Values as people type them on the command line: ids, speeds, quantities with units."""
+"""Values as people type them on the command line: ids, speeds, registers, quantities with units."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Literal, TypeAlias
@@ -7,8 +7,10 @@ import click
 
 from servobus.core.arguments import check_baud
 from servobus.core.ids import LAST_ID, check_id, parse_ids
+from servobus.core.registers import Register
 from servobus.core.units import parse
 from servobus.errors import BadValue, UsageError
+from servobus.families.model import Model
 
 ALL: Literal["all"] = "all"
 
@@ -135,3 +137,11 @@ def check_above_0(option: str, value: float | None) -> None:
     """Refuse a number that is not above 0. Raises BadParameter."""
     if value is not None and value <= 0:
         raise click.BadParameter(f"{value:g} is not above 0", param_hint=option)
+
+
+def readable(model: type[Model], name: str) -> Register[Any]:
+    """Find a register by name. Raises UnknownName, or UsageError for one that is reserved."""
+    row = model.register(name)
+    if not row.readable:
+        raise UsageError(f"{row.model} {row.name} is reserved: it has no meaning")
+    return row
