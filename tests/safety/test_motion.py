@@ -344,6 +344,23 @@ def test_T11_a_move_leaves_no_speed_behind(key: str) -> None:
     assert servo.read(name) == before
 
 
+@pytest.mark.parametrize("way", ["stop", "stop all", "cancel", "make safe"])
+@pytest.mark.parametrize("key", ["rx28", "lx16a"])
+def test_T11_a_move_that_is_stopped_leaves_no_speed_behind(key: str, way: str) -> None:
+    servo, real, port = servo_of(key)
+    bus = servo._bus
+    name = "moving_speed" if key == "rx28" else "goal_time"
+    before = servo.read(name)
+    servo.torque_on()
+    move = servo.move(servo.look().position + 40 * deg, time=3.0)
+    port.sleep(0.5)
+    assert servo.read(name) != before
+    {"stop": servo.stop, "stop all": bus.stop, "cancel": move.cancel, "make safe": bus.make_safe}[way]()
+    port.sleep(0.3)
+    assert still(port, real)
+    assert servo.read(name) == before
+
+
 def test_T11_a_cycle_after_a_slow_move_follows() -> None:
     servo, real, port = servo_of("rx28")
     servo.torque_on()

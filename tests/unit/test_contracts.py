@@ -86,10 +86,12 @@ VIOLATIONS = [
     *[("family", f"families.{one}.protocol", f"families.{one}.verbs") for one in FAMILIES],
     *[("family", f"families.{one}.verbs", f"families.{one}.firmware") for one in FAMILIES],
     ("family", "families.dynamixel.verbs", "families.dynamixel.models.rx28"),
-    ("family", "families.herkulex.protocol", "families.herkulex.explain"),
+    ("family", "families.herkulex.protocol", "families.herkulex.listening"),
     ("family", "families.herkulex.places", "families.herkulex.verbs"),
     ("family", "families.herkulex.protocol", "families.herkulex.places"),
-    ("family", "families.herkulex.explain", "families.herkulex.verbs"),
+    *[("family", f"families.{one}.listening", f"families.{one}.verbs") for one in FAMILIES],
+    ("family", "families.herkulex.maps", "families.herkulex.verbs"),
+    ("family", "families.herkulex.maps", "families.herkulex.listening"),
     ("packets", "families.dynamixel.protocol", "families.base"),
     ("packets", "families.lewansoul.protocol", "families.model"),
     ("packets", "families.herkulex.protocol", "transports.base"),
@@ -97,10 +99,9 @@ VIOLATIONS = [
     *[
         ("firmware", f"families.{one}.{module}", f"families.{one}.{inside}")
         for one in FAMILIES
-        for module in ("protocol", "verbs", "models")
+        for module in ("protocol", "listening", "verbs", "models")
         for inside in ("firmware", "control", "motors")
     ],
-    ("firmware", "families.herkulex.explain", "families.herkulex.control"),
     ("firmware", "families.registry", "families.dynamixel.firmware"),
     ("firmware", "jobs.scan", "families.dynamixel.firmware"),
     ("firmware", "bus.servo", "families.lewansoul.control"),
@@ -128,6 +129,7 @@ VIOLATIONS = [
     ("circles", "link.stats", "link.link"),
     ("circles", "core.values", "core.units"),
     ("clock", "core.exchange", "~time"),
+    ("clock", "families.stopping", "~time"),
     ("clock", "families.dynamixel.protocol", "~serial"),
     ("clock", "families.herkulex.verbs", "~time"),
     ("clock", "families.lewansoul.models.lx16a", "~socket"),

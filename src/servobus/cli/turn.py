@@ -4,19 +4,12 @@ import click
 
 from servobus import Bus, BusServo, ServobusError
 from servobus.cli.advice import command_for
-from servobus.cli.options import (
-    ANGLE,
-    SHARE,
-    SPEED,
-    Where,
-    find,
-    on_servo,
-    open_port,
-    signals_as_interrupt,
-    verb,
-)
-from servobus.cli.output import note, warn_alarms
+from servobus.cli.finding import Where, find, open_port
+from servobus.cli.interrupts import signals_as_interrupt
+from servobus.cli.options import as_json, on_servo, verb
+from servobus.cli.output import note, print_json, quantity_entry, warn_alarms
 from servobus.cli.stop import stop_all
+from servobus.cli.values import ANGLE, SHARE, SPEED
 from servobus.core.units import show
 from servobus.errors import BadValue, UsageError
 from servobus.families.base import require_model
@@ -34,6 +27,7 @@ from servobus.families.base import require_model
 @click.option("--speed", type=SPEED, metavar="DEG/S", help="Speed, where the servo controls its speed.")
 @click.option("--end", is_flag=True, help="Stop turning and hold the position: back to angles.")
 @click.option("--limits", type=ANGLE, nargs=2, metavar="LOW HIGH", help="With --end: angle limits to set again.")
+@as_json
 def turn(
     port: str,
     id: int,
@@ -42,6 +36,7 @@ def turn(
     speed: float | None,
     end: bool,
     limits: tuple[float, float] | None,
+    json: bool,
 ) -> None:
     """Turn the servo ID on PORT without end, as a wheel, until it is stopped.
 
@@ -60,10 +55,14 @@ def turn(
             if limits is not None:
                 _check_limits(servo, *limits)
             servo.position_mode(limits)
-            click.echo(f"{servo.target} takes angles again; it is at {_position_text(servo)}")
+            here: float = servo.read("present_position")
+            if json:
+                print_json({"turning": False, "position": quantity_entry(here, "rad")})
+            else:
+                click.echo(f"{servo.target} takes angles again; it is at {show(here, 'rad')}")
         else:
             _check_option(servo, speed)
-            _turn(bus, servo, where, output, speed)
+            _turn(bus, servo, where, output, speed, json=json)
         warn_alarms(servo)
 
 
@@ -83,7 +82,7 @@ def _check_option(servo: BusServo, speed: float | None) -> None:
         raise UsageError(f"{servo.target} cannot control the speed at which it turns: give --output PERCENT")
 
 
-def _turn(bus: Bus, servo: BusServo, where: Where, output: float | None, speed: float | None) -> None:
+def _turn(bus: Bus, servo: BusServo, where: Where, output: float | None, speed: float | None, *, json: bool) -> None:
     motion_status = bus.do(servo.family.motion_status(servo.target), baud=servo.baud)
     port = bus.transport.name
     low, high = (
@@ -115,11 +114,12 @@ def _turn(bus: Bus, servo: BusServo, where: Where, output: float | None, speed: 
     except KeyboardInterrupt:
         stop_all(bus, [servo])
         raise click.exceptions.Exit(130) from None
+    if json:
+        asked = {"output": (output, "1"), "speed": (speed, "rad/s")}
+        said = {name: quantity_entry(value, unit) for name, (value, unit) in asked.items() if value is not None}
+        print_json({"turning": True, **said})
+        return
     pace = show(speed, "rad/s") if speed is not None else show(output or 0.0, "1") + " of full output"
     click.echo(f"{servo.target} turns at {pace}; `{command_for(servo, where, 'stop', port, servo.id)}` stops it")
     if not motion_status.turning and not gives_up:
         note(back)
-
-
-def _position_text(servo: BusServo) -> str:
-    return show(servo.read(servo.model.register("present_position")), "rad")

@@ -52,6 +52,15 @@ def value_entry(register: Register[Any], raw: int) -> dict[str, Any]:
     return {"value": json_value(register, raw), "unit": unit_text(register), "raw": raw}
 
 
+def change_entry(register: Register[Any], old: int | None, new: int) -> dict[str, Any]:
+    """Give what a value was, None if that is not known, and what it is now; both raw here."""
+    return {
+        "old": None if old is None else json_value(register, old),
+        "new": json_value(register, new),
+        "unit": unit_text(register),
+    }
+
+
 # Rows of a register table
 
 

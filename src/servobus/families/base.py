@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 from servobus.core.exchange import Exchange, Now, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Framing, Packet
+from servobus.core.ids import check_id
 from servobus.core.registers import Area, Register
 from servobus.core.values import frozen
 from servobus.errors import BusError, NoReply
@@ -155,7 +156,10 @@ class Family(ABC):
         return change.write(target, values, keep=False)
 
     def store(self, target: KnownServo, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Write raw values where they survive power-off, if they differ from what is there; see `write`."""
+        """Write raw values where they survive power-off, if they differ from what is there; see `write`.
+
+        Raises UsageError for a register that lives in RAM alone.
+        """
         return change.write(target, values, keep=True)
 
     @abstractmethod
@@ -289,10 +293,10 @@ class Family(ABC):
 
     @abstractmethod
     def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
-        """End the motion and hold the present position, or the nearest one that its limits allow; see `reachable`.
+        """End the motion and hold the present position, or the nearest one that its limits allow.
 
-        Makes sure that it was heard. Not subject to `max_step`, nor recorded. Raises BusError, or UsageError for a
-        servo that answers no reads; `stop` goes on from there.
+        What is near enough `servobus.families.stopping` tells. Makes sure that it was heard. Not subject to `max_step`,
+        nor recorded. Raises BusError, or UsageError for a servo that answers no reads; `stop` goes on from there.
         """
 
     def let_go(self, target: KnownServo) -> Procedure[None]:
@@ -390,9 +394,9 @@ class Family(ABC):
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         """Restore factory settings, less what is kept ("id", "baud", "calibration"). Gives the new id and baud."""
 
-    @abstractmethod
     def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
         """Change the id for good."""
+        yield from set_registers(target, {target.model.register("id"): check_id(id)})
 
     @abstractmethod
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:

@@ -49,7 +49,7 @@ def set_registers(target: KnownServo, values: Mapping[Register[Any], int], *, ke
     Every write of registers but `Family.put` and what stops a servo comes through here.
     """
     family, record = target.model.family, target.record
-    yield from _check_limits(target, values, keep=keep)
+    yield from _check_not_crossed(target, values, keep=keep)
     worn = [register for register in values if family.wears(register, keep=keep)]
     before: dict[Register[Any], int] = {}
     if worn and target.answers is not Answers.NOTHING:  # what cannot be read cannot be compared
@@ -93,7 +93,7 @@ def _policy_last(model: type[Model], values: Mapping[Register[Any], int]) -> lis
 # Limits that contradict each other
 
 
-def _check_limits(target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
+def _check_not_crossed(target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
     """Refuse limits that would cross those beside which they are written, or which the servo has. Raises BadValue.
 
     What a servo that answers nothing has cannot be known, and is not compared.

@@ -24,6 +24,11 @@ def id_list(ids: Iterable[int]) -> str:
     return f"id{'s' * (len(listed) > 1)} {', '.join(listed)}"
 
 
+def junk_text(raw: bytes) -> str:
+    """Say how much it is that is no packet."""
+    return f"JUNK: {len(raw)} bytes that are no packet" if len(raw) > 1 else "JUNK: a byte that is no packet"
+
+
 def show_bytes(data: bytes) -> str:
     return data.hex(" ").upper()
 

@@ -180,7 +180,7 @@ def movement(target: KnownServo, values: Mapping[Register[Any], int]) -> Procedu
     status = yield from target.model.family.motion_status(target)
     after = _limits_after(target, status, values)
     if Motion.LIMIT in rows:
-        yield from _check_limits(target, status, after)
+        yield from _check_new_limits(target, status, after)
     if Motion.MODE in rows:
         after = replace(after, turning=bool(values[rows[Motion.MODE]]))
         if status.turning and not after.turning and status.torque:
@@ -203,7 +203,7 @@ def _limits_after(target: ServoRef, status: MotionStatus, values: Mapping[Regist
     return replace(status, low=low, high=high, turning=turning)
 
 
-def _check_limits(target: ServoRef, status: MotionStatus, after: MotionStatus) -> Procedure[None]:
+def _check_new_limits(target: ServoRef, status: MotionStatus, after: MotionStatus) -> Procedure[None]:
     """Refuse limits that would move a servo with torque. Raises UsageError."""
     if not status.torque or after is status:
         return

@@ -47,6 +47,12 @@ def within(spans: Sequence[tuple[int, int]], address: int) -> tuple[int, int]:
     return next((n, address - start) for n, (start, size) in enumerate(spans) if start <= address < start + size)
 
 
+def place(spans: Sequence[tuple[int, int]], address: int, layout: Int) -> tuple[int, slice, Int]:
+    """Tell where a register stands in the answers, each of which brings one of these blocks; see `Reading.places`."""
+    n, at = within(spans, address)
+    return n, slice(at, at + layout.size), layout
+
+
 def adjacent(parts: Mapping[int, bytes]) -> list[tuple[int, bytes]]:
     """Join (address, data) parts that touch into one write each."""
     runs: list[tuple[int, bytes]] = []

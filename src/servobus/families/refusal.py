@@ -1,4 +1,4 @@
-"""What a family refuses, and what a servo does: one wording for all families."""
+"""Errors that the verbs of all families raise in the same words."""
 
 from typing import Any
 
@@ -14,6 +14,11 @@ TELL_MODEL = "say which it is: --model MODEL, models={id: MODEL} or attach(MODEL
 def cannot(target: ServoRef, what: str, why: str) -> UsageError:
     """Make the error for a verb that a family does not have."""
     return UsageError(f"{target} cannot {what}: {why}")
+
+
+def mute(target: ServoRef, policy: str, setting: str) -> UsageError:
+    """Make the error for reading a servo whose policy is to answer no reads; `setting` lets it answer."""
+    return cannot(target, "be read", f"its {policy} is 0; `servobus write PORT {target.id} {setting}` lets it answer")
 
 
 def not_taken(target: ServoRef, row: Register[Any], raw: int) -> BusError:

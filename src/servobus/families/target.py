@@ -58,6 +58,3 @@ class KnownServo(ServoRef):
 
     def __hash__(self) -> int:
         return object.__hash__(self)
-
-    def __str__(self) -> str:
-        return self.model.named(f"id {self.id}")

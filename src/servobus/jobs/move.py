@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from numbers import Real
 from typing import NoReturn
 
@@ -13,7 +12,7 @@ from servobus.errors import BadValue, BusError, MoveTimeout, ServobusError, Stop
 from servobus.families.base import AxisMove, KnownServo, ServoRef, require_model
 from servobus.families.motion import check_goal, inside_limits, no_torque, raw_position
 from servobus.families.record import MotionPermit
-from servobus.jobs.make_safe import stop, stop_all
+from servobus.jobs.make_safe import give_back, stop, stop_all
 
 DEFAULT_SPEED = 90 * deg
 """Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try. It is exceeded
@@ -355,9 +354,7 @@ def _end(move: PlannedMove) -> Procedure[None]:
     """Set the speeds of moves again that stood in the servos before; what does not succeed the next write does."""
     move.over = True
     for axis in move.axes:
-        yield SetBaud(axis.target.baud)
-        with suppress(BusError):
-            yield from axis.target.model.family.give_back(axis.target)
+        yield from give_back(axis.target)
 
 
 def _fail(move: PlannedMove, why: ServobusError) -> Procedure[NoReturn]:

@@ -14,7 +14,7 @@ from servobus.core.exchange import Procedure, SetBaud
 from servobus.errors import PortError, Stopped, UsageError
 from servobus.families.base import LIMP, KnownServo, ServoRef, StopOutcome
 from servobus.families.record import MotionPermit, SafeAction
-from servobus.jobs.make_safe import make_safe, make_safe_anyhow
+from servobus.jobs.make_safe import give_back, make_safe, make_safe_anyhow
 from servobus.link.blocking import run_blocking
 from servobus.link.link import Link
 from servobus.link.ownership import LineOwnership, Turn
@@ -167,6 +167,7 @@ class SafeStop:
     def _make_safe(self, action: SafeAction | None, servos: Sequence[Joint], *, interrupt: bool) -> list[str]:
         """Make servos safe; tell what could not be done, or was not what was asked for, and give that."""
         said: dict[str, str] = {}
+        held: list[KnownServo] = []
         with self._making_safe:
             if not any(servo.permit.driven for servo in servos):
                 return []
@@ -187,6 +188,11 @@ class SafeStop:
                             said.pop(who, None)
                             if outcome.let_go and outcome is not LIMP and wanted == "hold":
                                 said[who] = f"{who}: {outcome}"
+                            if not outcome.let_go:
+                                held.append(servo.target)
+                for target in held:  # when all have stopped, for it delays none then
+                    with contextlib.suppress(Exception):
+                        run_blocking(link, link.run(give_back(target)), line, turn)
         told = [f"{self._transport.name}: {text}" for text in said.values()]
         for text in told:
             _tell(text)

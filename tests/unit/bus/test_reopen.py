@@ -12,8 +12,8 @@ import pytest
 import servobus
 from samples import sample_models
 from servobus import LX16A, MODELS, RX28, PortError, PortLost, Restarted, TorqueOff, UsageError, deg
-from servobus.bus.base import ReconnectReport
 from servobus.bus.blocking import BusServo
+from servobus.bus.reconnect import ReconnectReport
 from servobus.families.base import Answers
 from servobus.virtual.serve.inprocess import VirtualPort
 from servobus.virtual.serve.rig import build_rig

@@ -5,41 +5,30 @@ from typing import Any
 
 from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Packet
-from servobus.core.ids import BROADCAST, check_id
+from servobus.core.ids import check_id
 from servobus.core.registers import Area, Register
 from servobus.core.units import Flags
 from servobus.core.values import replace
 from servobus.errors import BadValue, NoReply, UsageError
 from servobus.families.base import Family, Identity
 from servobus.families.change import set_registers
-from servobus.families.dynamixel.places import TABLE, Address
+from servobus.families.dynamixel import listening
+from servobus.families.dynamixel.places import Address
 from servobus.families.dynamixel.protocol import (
     ALARMS,
     FRAMING,
     RX_BUFFER,
-    BulkRead,
     Error,
-    Instruction,
-    Ping,
-    ReadData,
-    RegWrite,
-    SyncRead,
-    SyncWrite,
-    WriteData,
-    code_of,
-    parse_instruction,
-    parse_status,
     ping,
     read_data,
     reset,
     sync_write,
     write_data,
 )
-from servobus.families.explain import addressed, id_list, servo, show_bytes, show_span, show_values
 from servobus.families.model import Model
 from servobus.families.motion import AxisMove, MotionStatus, TorqueState, about_to_turn, check_inside, nearest
-from servobus.families.reading import Reading, adjacent, blocks, within
-from servobus.families.refusal import cannot, check_output, not_taken, stays_off
+from servobus.families.reading import Reading, adjacent, blocks, place
+from servobus.families.refusal import cannot, check_output, mute, not_taken, stays_off
 from servobus.families.stopping import LIMP, TRIES, TURNS_NO_MORE, StopOutcome, let_go_outside, reachable
 from servobus.families.target import Answers, KnownServo, ServoRef
 
@@ -92,17 +81,13 @@ class Dynamixel1(Family):
 
     def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         if target.answers is Answers.NOTHING:
-            mend = f"`servobus write PORT {target.id} status_return_level=1` lets it answer"
-            raise cannot(target, "be read", f"its Status Return Level is 0; {mend}")
+            raise mute(target, "Status Return Level", "status_return_level=1")
         # A second exchange costs 14 bytes of frames and the return delay: rather bridge a gap as wide.
         spans = blocks(
             ((_address(register), register.layout.size) for register in registers), gap=16, longest=RX_BUFFER - 6
         )
-        places = []
-        for register in registers:
-            n, at = within(spans, _address(register))
-            places.append((n, slice(at, at + register.layout.size), register.layout))
-        return Reading(tuple(read_data(target.id, *span) for span in spans), tuple(places))
+        places = tuple(place(spans, _address(register), register.layout) for register in registers)
+        return Reading(tuple(read_data(target.id, *span) for span in spans), places)
 
     def put(
         self,
@@ -182,10 +167,14 @@ class Dynamixel1(Family):
                 return (yield from let_go_outside(target, motion_status))
             else:
                 row, raw, outcome = goal, here, StopOutcome(f"held at {goal.show(goal.decode(here))}")
-            yield from self.put(target, {row: raw}, keep=False)
-            if target.answers_writes or (yield from self.read(target, [row])) == [raw]:
+            if (yield from self._took(target, row, raw)):
                 return outcome
         raise not_taken(target, row, raw)
+
+    def _took(self, target: ServoRef, row: Register[Any], raw: int) -> Procedure[bool]:
+        """Write a value as it is, and tell whether the servo has it then."""
+        yield from self.put(target, {row: raw}, keep=False)
+        return target.answers_writes or (yield from self.read(target, [row])) == [raw]
 
     def give_back(self, target: KnownServo) -> Procedure[None]:
         """In endless turn the same register is an output (3-4-3)."""
@@ -197,8 +186,7 @@ class Dynamixel1(Family):
         name, raw = ("moving_speed", 0) if motion_status.turning else ("goal_position", nearest(target, motion_status))
         row = target.model.register(name)
         for _ in range(TRIES):
-            yield from self.put(target, {row: raw}, keep=False)
-            if target.answers_writes or (yield from self.read(target, [row])) == [raw]:
+            if (yield from self._took(target, row, raw)):
                 return
         raise not_taken(target, row, raw)
 
@@ -294,73 +282,21 @@ class Dynamixel1(Family):
         factory_id = target.model.register("id").default
         return target.id if factory_id is None else factory_id, target.model.factory_baud
 
-    def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
-        yield from set_registers(target, {target.model.register("id"): check_id(id)})
-
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         register = target.model.register("baud")
         yield from set_registers(target, {register: register.encode(baud)})
 
     def explain(self, packet: Packet, request: Packet | None = None, model: type[Model] | None = None) -> str:
-        """Say what a packet means: nothing in it tells an instruction from a status packet, only what came before."""
-        asked = _asked(packet, request)
-        if asked is None:
-            try:
-                return _say_instruction(parse_instruction(packet), model)
-            except ValueError as error:
-                if _only_instruction(packet):
-                    data = f", data {show_bytes(packet.data)}" if packet.data else ""
-                    return f"{error}, {addressed(packet.id)}{data}"
-        return _say_status(packet, asked, model)
-
-    def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
-        """Tell what replies an instruction asks for.
-
-        Servos may answer a PING to all, though the RX-28 manual says that none does: AX-12A do, one behind the other.
-        """
-        try:
-            message = parse_instruction(packet)
-        except ValueError:
-            if not _only_instruction(packet):
-                return None
-            message = None
-        match message:
-            case BulkRead(reads):
-                # An id listed twice counts once (ROBOTIS e-manual, Protocol 1.0, Bulk Read).
-                once = {read.id: read.length for read in reversed(reads)}
-                return tuple(ReplyPattern(id, None, (once[id], 0)) for id in dict.fromkeys(read.id for read in reads))
-            case SyncRead(_, length, ids):
-                # Each servo for itself, or an adapter for all of them.
-                each = (ReplyPattern(id, None, (length, 0), certain=False) for id in dict.fromkeys(ids))
-                return (*each, ReplyPattern(None, None, (length * len(ids),), certain=False))
-            case Ping() if packet.id == BROADCAST:
-                return (ReplyPattern(None, None, (0,), certain=False),)
-            case _ if packet.id == BROADCAST:
-                return ()
-            case ReadData(_, _, length):
-                return (ReplyPattern(packet.id, None, (length, 0)),)
-        return (ReplyPattern(packet.id, None, (0,), certain=isinstance(message, Ping)),)
+        return listening.explain(packet, request, model)
 
     def concerns(self, packet: Packet) -> tuple[int, ...]:
-        try:
-            message = parse_instruction(packet)
-        except ValueError:
-            return (packet.id,)
-        match message:
-            case SyncWrite(_, _, parts):
-                return tuple(id for id, _ in parts)
-            case SyncRead(_, _, ids):
-                return ids
-            case BulkRead(reads):
-                return tuple(read.id for read in reads)
-        return (packet.id,)
+        return listening.concerns(packet)
 
     def told_number(self, packet: Packet, request: Packet) -> int | None:
-        """In all models of protocol 1.0 the model number is at 0 and 1."""
-        match _asked(packet, request):
-            case ReadData(_, 0, length) if length == len(packet.data) >= 2:
-                return int.from_bytes(packet.data[:2], "little")
-        return None
+        return listening.told_number(packet, request)
+
+    def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
+        return listening.replies_to(packet)
 
     def _write_raw_speed(self, target: ServoRef, raw: int) -> Procedure[None]:
         row = target.model.register("moving_speed")
@@ -399,84 +335,3 @@ def _sync_writes(parts: Sequence[tuple[ServoRef, bytes]]) -> list[Exchange[None]
         runs = [ids[start : start + most] for start in range(0, len(ids), most)]
         packets += [sync_write(address, {id: block[id] for id in run}) for run in runs]
     return packets
-
-
-def _only_instruction(packet: Packet) -> bool:
-    """Tell whether this can be no status packet: nobody answers as all, and bit 7 of the error byte is 0 (3-3)."""
-    return packet.id == BROADCAST or (packet.code & 0x80 != 0 and packet.data != b"")
-
-
-def _asked(packet: Packet, request: Packet | None) -> Instruction | None:
-    """Give the instruction that a packet answers: the one before it, if its id and length fit.
-
-    Of a read of several servos that is the part of the one that answers; all of it for an adapter that answers for all.
-    """
-    if request is None or packet.id == BROADCAST:
-        return None
-    if request.data and request == packet:
-        return None  # asked again: to be an answer, this would have to repeat address and length by chance
-    try:
-        asked = parse_instruction(request)
-    except ValueError:
-        return None
-    size = len(packet.data)
-    match asked:
-        case BulkRead(reads):
-            return next((read for read in reads if read.id == packet.id and size in (read.length, 0)), None)
-        case SyncRead(address, length, ids) if packet.id in ids and size in (length, 0):
-            return ReadData(packet.id, address, length)
-        case SyncRead(_, length, ids):
-            return asked if size == length * len(ids) else None
-        case Ping() if request.id == BROADCAST:
-            return None if size or _is_instruction(packet) else asked
-        case ReadData(_, _, length) if request.id == packet.id:
-            return asked if size in (length, 0) else None
-    return asked if request.id == packet.id and not size else None
-
-
-def _is_instruction(packet: Packet) -> bool:
-    try:
-        parse_instruction(packet)
-    except ValueError:
-        return False
-    return True
-
-
-def _say_instruction(message: Instruction, model: type[Model] | None) -> str:
-    head = f"{code_of(message).name} {addressed(message.id)}"
-    match message:
-        case ReadData(_, address, length):
-            return f"{head}: {show_span(model, TABLE, address, length)}"
-        case WriteData(_, address, data) | RegWrite(_, address, data):
-            return f"{head}: {show_values(model, TABLE, address, data)}"
-        case SyncWrite(address, _, parts):
-            each = "; ".join(f"{servo(id)}: {show_values(model, TABLE, address, data)}" for id, data in parts)
-            return f"{head}, for {id_list(id for id, _ in parts)}: {each}"
-        case SyncRead(address, length, ids):
-            return f"{head}, for {id_list(ids)}: {show_span(model, TABLE, address, length)}"
-        case BulkRead(reads):
-            each = "; ".join(f"{servo(one.id)}: {show_span(model, TABLE, one.address, one.length)}" for one in reads)
-            return f"{head}, for {id_list(one.id for one in reads)}: {each}"
-    return head
-
-
-def _say_status(packet: Packet, asked: Instruction | None, model: type[Model] | None) -> str:
-    status, errors = parse_status(packet), Flags(Error)
-    # By numbers: bit 7 has no name, and ~ of named flags would drop it.
-    refusals, alarms = Error(int(status.error) & ~int(ALARMS)), status.error & ALARMS
-    said = [f"refused, {errors.show(refusals)}"] if refusals else []
-    if alarms:
-        said.append(f"ALARM {errors.show(alarms)}")
-    text = f"status of {servo(status.id)}: {'; '.join(said) or 'ok'}"
-    if not status.data:
-        return text
-    if isinstance(asked, ReadData):
-        return f"{text}, {show_values(model, TABLE, asked.address, status.data)}"
-    if isinstance(asked, SyncRead):
-        parts = (status.data[at : at + asked.length] for at in range(0, len(status.data), asked.length))
-        each = (
-            f"{servo(id)}: {show_values(model, TABLE, asked.address, part)}"
-            for id, part in zip(asked.ids, parts, strict=True)
-        )
-        return f"{text}, for all that were asked; {'; '.join(each)}"
-    return f"{text}, {show_bytes(status.data)}"
