@@ -7,6 +7,8 @@ from hypothesis import settings
 
 import extent
 
+pytest_plugins = ["counted_behaviours", "counted_faults"]
+"""Here, as a run in several processes reads no other conftest.py where the results come together."""
 EXAMPLES = {False: 40, True: 200}
 """--all -> examples of each property that names no number itself."""
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+import extent
 import servobus
 from samples import every_model, sample_models
 from servobus import DRS0602, MODELS, RX28, BadReading, deg
@@ -22,10 +23,9 @@ def status(data: str) -> str:
 
 @sample_models
 def test_T3_every_word_of_every_row_goes_back_or_is_out_of_range(key: str) -> None:
-    """All 65536 words of each row of two bytes."""
-    for row in MODELS[key].registers.values():
-        if row.layout.size != 2:
-            continue
+    """All 65536 words of each row of two bytes; without `--all`, of one row of each layout."""
+    rows = [row for row in MODELS[key].registers.values() if row.layout.size == 2]
+    for row in rows if extent.everything else {row.layout: row for row in rows}.values():
         unpack, pack, flags = row.layout.unpacker(), row.layout.pack, row.layout.flags
         for word in range(1 << 16):
             data = word.to_bytes(2, "little")
