@@ -9,7 +9,7 @@ from servobus.core.present import value_entry, value_text
 from servobus.core.registers import U8, U16, Int, Register
 from servobus.core.units import Count, Switch
 from servobus.errors import BusError
-from servobus.families.dynamixel.firmware import Dynamixel1Servo
+from servobus.families.dynamixel.firmware import ComplianceServo
 from servobus.families.dynamixel.places import TABLE, Address
 from unit.scripted import Scripted
 
@@ -114,13 +114,13 @@ def test_T3_a_code_without_meaning_is_an_error_of_the_driver_too() -> None:
 
 
 def test_T3_a_servo_whose_position_cannot_be_is_found_and_can_be_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    sense = Dynamixel1Servo._sense
+    sense = ComplianceServo._sense
 
-    def nonsense(self: Dynamixel1Servo) -> None:
+    def nonsense(self: ComplianceServo) -> None:
         sense(self)
         self.memory.write(TABLE, 36, b"\x00\x82")
 
-    monkeypatch.setattr(Dynamixel1Servo, "_sense", nonsense)
+    monkeypatch.setattr(ComplianceServo, "_sense", nonsense)
     with servobus.open("virtual:rx28@1?clock=virtual") as bus:
         (servo,) = bus.scan(ids=[1])
         assert servo.model is RX28

@@ -51,6 +51,15 @@ SYNC_READ_OF_OTHERS = 0x82
 """SYNC_READ of servos by other makers with the same packets, Feetech's; each servo answers for itself."""
 
 
+class DriveMode(IntFlag):
+    """Bits of Drive Mode, which EX-106+ and MX-106 have (ROBOTIS e-manual, Drive Mode)."""
+
+    REVERSE = 0x01
+    """Goals and positions count clockwise; endless turn does not change."""
+    SLAVE = 0x02
+    """Driven by the output of the other servo of a dual joint, on the sync cable; goals and speeds are ignored."""
+
+
 class Error(IntFlag):
     """Bits of a status packet's error byte (manual 3-3)."""
 

@@ -16,7 +16,7 @@ class ComplianceTable(DynamixelTable):
     """Position 0 .. 1023 is 0° .. 300°, growing counter-clockwise; the 60° between the ends are not measured."""
 
     factory_baud = 57_600
-    firmware = "servobus.families.dynamixel.firmware:Dynamixel1Servo"
+    firmware = "servobus.families.dynamixel.firmware:ComplianceServo"
 
     angle = Quantity("rad", 300 * deg / 1023)
     speed = Quantity("rad/s", 0.111 * rpm)

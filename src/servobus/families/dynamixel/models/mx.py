@@ -32,6 +32,7 @@ class MXTable(DynamixelTable):
     speed = Quantity("rad/s", 0.114 * rpm)
     share = DynamixelTable.share
     turn_scale = speed
+    firmware = "servobus.families.dynamixel.firmware:PidServo"
     limit_pairs = (LimitPair("min_position", "max_position", equal=(0, 4095)), VOLTAGE_LIMITS)
 
     baud_rate = DynamixelTable.baud_rate.with_(

@@ -4,13 +4,12 @@ Sources: RX-28 user's manual, section 3-4; the control tables of AX-12A, AX-18A,
 MX-106 and DX-113 to DX-117 in the ROBOTIS e-manual have these rows at the same addresses, with the same sizes.
 """
 
-from enum import IntFlag
 from typing import ClassVar
 
 from servobus.core.registers import U8, U16, Access, Area, Int, Motion, Register
 from servobus.core.units import RAW, Count, Flags, Quantity, Switch
 from servobus.families.dynamixel.places import Address
-from servobus.families.dynamixel.protocol import BAUD, Error
+from servobus.families.dynamixel.protocol import BAUD, DriveMode, Error
 from servobus.families.dynamixel.verbs import DYNAMIXEL1
 from servobus.families.model import VOLTAGE_LIMITS, LimitPair, Model
 
@@ -21,15 +20,6 @@ U12 = Int(2, bits=12)
 """A value of 0 .. 4095."""
 SIGNED = Int(2, sign_bit=10)
 """Magnitude in bits 0 to 9, direction in bit 10."""
-
-
-class DriveMode(IntFlag):
-    """Bits of Drive Mode, which EX-106+ and MX-106 have (ROBOTIS e-manual, Drive Mode)."""
-
-    REVERSE = 0x01
-    """Goals and positions count clockwise; endless turn does not change."""
-    SLAVE = 0x02
-    """Driven by the output of the other servo of a dual joint, on the sync cable; goals and speeds are ignored."""
 
 
 DRIVE_MODE = Register(
