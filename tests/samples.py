@@ -7,13 +7,14 @@ files that are named after it.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import reduce
 from operator import xor
 from typing import Any, ClassVar
 
 import pytest
 
+import extent
 from servobus import MODELS
 from servobus.core.framing import Packet
 from servobus.core.registers import Access, Register
@@ -302,10 +303,6 @@ def sample_of(key: str) -> Sample:
     return SAMPLES[MODELS[key].family.name]
 
 
-SIMULATED: dict[str, type[Model]] = {key: model for key, model in MODELS.items() if model.firmware}
-"""The models of which there is a virtual servo. Tests that need one run over these, those of tables over MODELS."""
-
-
 # What a model can, by its own table
 
 
@@ -438,29 +435,6 @@ def steady(model: type[Model]) -> str:
     )
 
 
-# Parametrisations
-
-
-def keys_that(can: Callable[[type[Model]], bool]) -> list[str]:
-    """Give the keys of the models that can something, of those of which there is a virtual servo."""
-    return [key for key, model in SIMULATED.items() if can(model)]
-
-
-def models_that(can: Callable[[type[Model]], bool]) -> pytest.MarkDecorator:
-    """Run a test, as `key`, with each of the models that can something."""
-    return pytest.mark.parametrize("key", keys_that(can))
-
-
-ONE_OF_EACH_FAMILY = list({model.family.name: key for key, model in reversed(list(MODELS.items()))}.values())[::-1]
-"""The key of the first model of each family."""
-
-every_model = pytest.mark.parametrize("key", SIMULATED)
-every_table = pytest.mark.parametrize("key", MODELS)
-"""For what is told by the registers alone, without a servo."""
-one_model_of_each_family = pytest.mark.parametrize("key", ONE_OF_EACH_FAMILY)
-"""For what depends on the family's packets alone, or takes long."""
-
-
 def can_change_baud(model: type[Model]) -> bool:
     return has(model, "baud")
 
@@ -479,3 +453,54 @@ def can_reset(model: type[Model]) -> bool:
 
 def minds_overload(model: type[Model]) -> bool:
     return SAMPLES[model.family.name].minds_overload
+
+
+# Parametrisations
+
+
+def kind(model: type[Model]) -> object:
+    """Give what a model shares with those that it stands for: its family, and all that tests tell models apart by."""
+    cans = (
+        can_change_baud,
+        can_be_silenced,
+        can_reset,
+        minds_overload,
+        keeps_twice,
+        output_limit,
+        ram_setting,
+        lambda model: model.turns_at_speed(),
+    )
+    return model.family.name, *(bool(can(model)) for can in cans)
+
+
+def chosen(keys: Iterable[str]) -> list[str]:
+    """Give all of these models with `--all`; else the first of each kind, which stands for the others."""
+    if extent.everything:
+        return list(keys)
+    first: dict[object, str] = {}
+    for key in keys:
+        first.setdefault(kind(MODELS[key]), key)
+    return list(first.values())
+
+
+def keys_that(can: Callable[[type[Model]], bool]) -> list[str]:
+    """Give the keys of the chosen models among those that can something."""
+    return chosen(key for key, model in MODELS.items() if can(model))
+
+
+def models_that(can: Callable[[type[Model]], bool]) -> pytest.MarkDecorator:
+    """Run a test, as `key`, with the chosen models among those that can something."""
+    return pytest.mark.parametrize("key", keys_that(can))
+
+
+SAMPLE_KEYS = chosen(MODELS)
+"""The keys of the chosen models."""
+ONE_OF_EACH_FAMILY = list({model.family.name: key for key, model in reversed(list(MODELS.items()))}.values())[::-1]
+"""The key of the first model of each family."""
+
+every_model = pytest.mark.parametrize("key", MODELS)
+"""For what takes a few milliseconds: it is run with every model, always."""
+sample_models = pytest.mark.parametrize("key", SAMPLE_KEYS)
+"""For what takes longer: it is run with every model with `--all`, and else with the first of each kind."""
+one_model_of_each_family = pytest.mark.parametrize("key", ONE_OF_EACH_FAMILY)
+"""For what depends on the family's packets alone."""

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -93,6 +94,7 @@ def test_a_stale_page_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     generate = generator()
+    monkeypatch.setattr(generate, "imports", cache(generate.imports))  # all files of the package are read for it
     monkeypatch.setattr(generate, "PAGES", tmp_path)
     monkeypatch.setattr(generate, "ARCHITECTURE", tmp_path / "architecture.md")
     rooms = (DOCS / "architecture.md").read_text(encoding="utf-8")

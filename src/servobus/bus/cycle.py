@@ -24,6 +24,7 @@ from servobus.bus.rate import Rate
 from servobus.bus.servo import Servo
 from servobus.core.arguments import check_mapping, one_or_several
 from servobus.core.exchange import Batch, Exchange, Job, Now, Procedure, SetBaud, joined
+from servobus.core.framing import BITS_PER_BYTE
 from servobus.core.operation import Awaiting, Blocking, Priority, bus_method, urgent
 from servobus.core.registers import Register, register_name
 from servobus.core.units import finite, said, show
@@ -32,7 +33,6 @@ from servobus.errors import BadValue, BusError, MotionError, NoReply, UnknownNam
 from servobus.families.base import Family, MotionStatus, Reading, ServoRef
 from servobus.families.motion import check_goal, no_torque
 from servobus.jobs.move import keep_moving, raw_goal
-from servobus.link.line_clock import BITS_PER_BYTE
 from servobus.transports.base import Transport
 
 T = TypeVar("T")

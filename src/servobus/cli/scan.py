@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servobus import Bus
-from servobus.cli.options import Where, as_json, id_list, on_port, open_port, verb
+from servobus.cli.finding import Where, open_port
+from servobus.cli.options import as_json, on_port, verb
 from servobus.cli.output import console, note, print_json, quantity_entry
+from servobus.cli.values import id_list
 from servobus.core.ids import LAST_ID
 from servobus.core.units import Flags
 from servobus.families import registry

@@ -4,20 +4,12 @@ import click
 
 from servobus import Bus, BusServo, ServobusError
 from servobus.cli.advice import command_for
-from servobus.cli.options import (
-    ANGLE,
-    SHARE,
-    SPEED,
-    Where,
-    as_json,
-    find,
-    on_servo,
-    open_port,
-    signals_as_interrupt,
-    verb,
-)
+from servobus.cli.finding import Where, find, open_port
+from servobus.cli.interrupts import signals_as_interrupt
+from servobus.cli.options import as_json, on_servo, verb
 from servobus.cli.output import note, print_json, quantity_entry, warn_alarms
 from servobus.cli.stop import stop_all
+from servobus.cli.values import ANGLE, SHARE, SPEED
 from servobus.core.units import show
 from servobus.errors import BadValue, UsageError
 from servobus.families.base import require_model, require_turning

@@ -4,13 +4,10 @@ import math
 from typing import Any
 
 from servobus.core.exchange import Exchange
-from servobus.core.framing import Framing
+from servobus.core.framing import BITS_PER_BYTE, Framing
 from servobus.core.values import frozen
 from servobus.link.stats import Counts
 from servobus.transports.base import Transport
-
-BITS_PER_BYTE = 10
-"""Start bit, eight data bits, stop bit: 8N1, as all three families use."""
 
 
 @frozen

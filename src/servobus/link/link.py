@@ -574,8 +574,8 @@ class Link:
     def _listen_late(self, until: float) -> Waits[None]:
         """Take note of replies that come late, until this time or until none may come any more."""
         late = self.log.late_replies
-        for framing in list(late.framings())[:1]:
-            yield from self._listen(until, lambda: not late, framing)
+        if framings := late.framings():
+            yield from self._listen(until, lambda: not late, next(iter(framings)))
 
     def _listen(self, until: float, over: Callable[[], bool], framing: Framing) -> Waits[None]:
         """Take note of what comes although nothing is asked, until this time or until it is over."""

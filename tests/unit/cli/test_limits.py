@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from samples import every_model
+from samples import sample_models
 from servobus import DRS0602, MODELS, RX28, BadValue
 from servobus.core.registers import Register
 from unit.cli.conftest import DRS, RX, Run
@@ -35,7 +35,7 @@ def kept(bench: Bench) -> dict[str, int]:
 @DRIVERS
 @VERBS
 @PAIRS
-@every_model
+@sample_models
 def test_N21_crossed_limits_are_refused_and_nothing_is_written(
     key: str, pair: tuple[str, str], verb: str, driver: str
 ) -> None:
@@ -59,7 +59,7 @@ def test_N21_crossed_limits_are_refused_and_nothing_is_written(
 
 
 @PAIRS
-@every_model
+@sample_models
 def test_N21_limits_in_order_are_taken(key: str, pair: tuple[str, str]) -> None:
     bench = Bench(key, SYNC)
     low, high = rows_of(key, pair)
@@ -107,7 +107,7 @@ def test_N14_live_bits_are_those_of_the_manual() -> None:
     assert not DRS0602.status_error.took(0, 0x01)
 
 
-@every_model
+@sample_models
 def test_N14_no_other_register_of_a_backup_has_live_bits(key: str) -> None:
     """What a backup holds is compared whole."""
     model = MODELS[key]

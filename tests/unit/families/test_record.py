@@ -12,6 +12,7 @@ from samples import (
     keeps_twice,
     models_that,
     ram_setting,
+    sample_models,
     sample_of,
     turning,
 )
@@ -49,7 +50,7 @@ def eeprom_writes(bench: Bench, key: str) -> int:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_only_what_differs_goes_to_the_eeprom(key: str, driver: str) -> None:
     bench, row = bench_for(key, driver), setting(key)
     bench.do(lambda servo: servo.store({row: row.decode(int(row.default or 0))}))
@@ -126,7 +127,7 @@ def test_a_servo_that_answers_nothing_is_written_to_unseen(key: str) -> None:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_a_flood_of_writes_is_stopped_until_a_minute_has_passed(key: str, driver: str) -> None:
     bench, row = bench_for(key, driver), setting(key)
     now = 1000.0
@@ -172,7 +173,7 @@ def test_a_write_whose_answer_is_lost_counts() -> None:
     assert bench.servo.eeprom_writes == 1
 
 
-@every_model
+@sample_models
 def test_a_restored_backup_is_counted(key: str) -> None:
     bench, row = bench_for(key), setting(key)
     servo: Any = bench.servo
@@ -229,7 +230,7 @@ def restart(bench: Bench) -> None:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_a_servo_that_lost_its_torque_with_its_ram_is_found_out(key: str, driver: str) -> None:
     bench = bench_for(key, driver)
     bench.do(lambda servo: servo.torque_on())
@@ -248,7 +249,7 @@ def test_a_servo_that_lost_its_torque_with_its_ram_is_found_out(key: str, driver
     bench.do(lambda servo: servo.start_move(goal, time=0.5))
 
 
-@every_model
+@sample_models
 def test_it_is_not_moved_even_if_its_torque_is_on(key: str) -> None:
     bench = bench_for(key)
     bench.do(lambda servo: servo.torque_on())
@@ -277,7 +278,7 @@ def test_a_value_in_ram_tells_it_too(key: str) -> None:
     servo.verify()  # it is told once
 
 
-@every_model
+@sample_models
 def test_an_alarm_that_took_the_torque_is_no_restart(key: str) -> None:
     bench = bench_for(key)
     bench.do(lambda servo: servo.torque_on())
@@ -288,7 +289,7 @@ def test_an_alarm_that_took_the_torque_is_no_restart(key: str) -> None:
     assert not bench.servo.restarted
 
 
-@every_model
+@sample_models
 def test_moves_and_torque_off_are_no_restart(key: str) -> None:
     bench = bench_for(key)
     bench.do(lambda servo: servo.torque_on())
@@ -336,7 +337,7 @@ def test_a_restarted_herkulex_is_listened_to_by_its_old_policy_again() -> None:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_a_step_beyond_max_step_is_refused_and_nothing_is_sent(key: str, driver: str) -> None:
     bench = bench_for(key, driver)
     here = bench.real.position

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from samples import can_change_baud, can_reset, can_turn, every_model, models_that, other_bauds, turning
+from samples import can_change_baud, can_reset, can_turn, models_that, other_bauds, sample_models, turning
 from servobus import MODELS, RX28, BusError, NoReply, PortLost, ServobusError, deg
 from unit.lossy import ASYNC, SYNC, Bench
 
@@ -71,7 +71,7 @@ def test_N23_turn_that_breaks_off_tells_the_limits(driver: str, how: str) -> Non
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_N23_an_id_that_may_have_changed_is_told(key: str, driver: str) -> None:
     """The line goes at each packet: the servo has one of two ids, and the error names the old one."""
     bench = Bench(key, driver)
@@ -145,7 +145,7 @@ def test_N23_a_reset_that_breaks_off_has_the_settings_in_its_error(key: str, dri
     assert seen
 
 
-@every_model
+@sample_models
 @pytest.mark.parametrize("verb", ["write_many", "store"])
 def test_N23_limits_whose_write_breaks_off_are_told(key: str, verb: str) -> None:
     model = MODELS[key]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from conformance.wire import Wire, dxl, lx
-from samples import SIMULATED, every_model, turning
+from samples import every_model, turning
 from servobus import LX16A, MODELS, RX28, Bus, UsageError, deg
 from servobus.errors import BadValue
 from servobus.families.base import Model
@@ -26,9 +26,9 @@ def declared(model: type[Model]) -> dict[str, Option[Any]]:
     return options_of(firmware(model))
 
 
-FIRMWARES = {firmware(model): key for key, model in reversed(SIMULATED.items())}
+FIRMWARES = {firmware(model): key for key, model in reversed(list(MODELS.items()))}
 """Each firmware, with the first model that has it."""
-FIRST = sorted(FIRMWARES.values(), key=list(SIMULATED).index)
+FIRST = sorted(FIRMWARES.values(), key=list(MODELS).index)
 EVERY = [(key, name) for key in FIRST for name in declared(MODELS[key])]
 
 
@@ -186,7 +186,7 @@ def test_a_model_can_have_its_own() -> None:
 
 
 def test_options_and_registers_have_different_names() -> None:
-    for model in SIMULATED.values():
+    for model in MODELS.values():
         assert not set(declared(model)) & {*model.registers, *model.aliases}
 
 
@@ -213,7 +213,7 @@ def test_every_option_has_an_entry_that_names_it_and_its_values(key: str, name: 
 
 
 def test_every_option_in_an_entry_is_declared() -> None:
-    known = {(option.decision, name) for model in SIMULATED.values() for name, option in declared(model).items()}
+    known = {(option.decision, name) for model in MODELS.values() for name, option in declared(model).items()}
     said = {(number, name) for number, text in entries().items() for name in re.findall(r"Option `(\w+)`", text)}
     assert said == known
 
