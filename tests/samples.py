@@ -443,6 +443,18 @@ def can_be_silenced(model: type[Model]) -> bool:
     return has(model, "answer_level")
 
 
+def limits_turn(model: type[Model]) -> bool:
+    """Tell whether a model turns without end because both its angle limits are 0 (RX-28 manual 3-4-3)."""
+    return model.family.name == "dynamixel" and model.turns
+
+
+def may_be_equal(model: type[Model], pair: tuple[str, str]) -> tuple[int, ...]:
+    """Give the raw values that both limits of a pair may have at once."""
+    if not limits_turn(model) or pair != ("min_position", "max_position"):
+        return ()
+    return (0, 4095) if has(model, "multi_turn_offset") else (0,)  # ROBOTIS e-manual, MX-28, CW/CCW Angle Limit
+
+
 def can_turn(model: type[Model]) -> bool:
     return model.turns
 

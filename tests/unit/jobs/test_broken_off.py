@@ -4,7 +4,16 @@ from typing import Any
 
 import pytest
 
-from samples import can_change_baud, can_reset, can_turn, models_that, other_bauds, sample_models, turning
+from samples import (
+    can_change_baud,
+    can_reset,
+    can_turn,
+    limits_turn,
+    models_that,
+    other_bauds,
+    sample_models,
+    turning,
+)
 from servobus import MODELS, RX28, BusError, NoReply, PortLost, ServobusError, deg
 from unit.lossy import ASYNC, SYNC, Bench
 
@@ -170,11 +179,9 @@ def test_N23_limits_whose_write_breaks_off_are_told(key: str, verb: str) -> None
             assert f"what was there before: {rows[0].name} = " in str(failure)
 
 
-@models_that(can_turn)
+@models_that(lambda model: can_turn(model) and not limits_turn(model))
 def test_N23_a_mode_that_loses_nothing_is_not_told_about(key: str) -> None:
     """HerkuleX and LX keep their limits in endless turn."""
-    if MODELS[key] is RX28:
-        return
     bench = Bench(key, SYNC)
     bench.do(lambda servo: servo.torque_on())
     before = bench.real.memory.stored()
