@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from servobus import MODELS
-from servobus.cli.virtual_motors import miss_text
+from servobus.cli.virtual_motors import field_word, miss_text
 from servobus.cli.virtual_options import option_entries
+from servobus.core.present import unit_step_text
 from servobus.core.registers import Access, Area, Int, Register
-from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Switch, deg, rpm, show, shown
+from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Switch, Thermistor, deg, rpm, show, shown
 from servobus.families.base import Model
 from servobus.families.present import differences
-from servobus.virtual.device.motor_set import MotorSet
+from servobus.virtual.device.motor_set import HEAT, MotorSet
 from servobus.virtual.device.motors import misses, motor_sets, supply
 
 DOCS = Path(__file__).parent
@@ -179,7 +180,7 @@ def _motor(model: type[Model]) -> Iterator[str]:
     )
     yield "\n".join(f"- `{name}`: {one.text}." for name, one in sets.items())
     if missed := misses(model):
-        yield "Figures that contradict the others, and are not bent:"
+        yield "Printed figures that the motor does not meet:"
         yield "\n".join(f"- {miss_text(miss)}." for miss in missed)
 
 
@@ -207,7 +208,16 @@ def _parameter(name: str, sets: Mapping[str, MotorSet]) -> Iterator[tuple[str, .
     origins = {str(one.origins[name]): set_name for set_name, one in reversed(sets.items()) if name in one.origins}
     told = list(reversed(origins.items()))
     text = told[0][0] if len(told) == 1 else "; ".join(f"`{set_name}` {origin}" for origin, set_name in told)
-    yield (name.replace("_", " "), *(f"{getattr(one.params, name) * factor:.3g}" for one in sets.values()), unit, text)
+    yield (
+        field_word(name) if name not in HEAT else name.replace("_", " "),
+        *(_number(getattr(one.params, name) * factor) for one in sets.values()),
+        unit,
+        text,
+    )
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if value >= 1000 else f"{value:.3g}"
 
 
 def _sheet(model: type[Model]) -> Iterator[tuple[str, str]]:
@@ -317,6 +327,8 @@ def _step(row: Register[Any]) -> str:
             return f"{on} is on"
         case BaudDivisor() | Lookup():
             return "[speed code](#bus-speeds)"
+    if isinstance(row.scale, Thermistor):
+        return unit_step_text(row)
     if not isinstance(row.scale, Quantity):
         return f"1 {row.unit}" if row.unit else "1"
     if row.unit == "s" and row.scale.step < 1e-4:
@@ -332,12 +344,13 @@ def _codes(model: type[Model]) -> Iterator[str]:
     users: dict[Any, list[str]] = {}
     for row in model.registers.values():
         if isinstance(row.scale, Choice | Flags):
-            users.setdefault(row.scale.options, []).append(f"`{row.name}`")
-    for options, names in users.items():
+            members = row.scale.used if isinstance(row.scale, Flags) else tuple(row.scale.options)
+            users.setdefault((row.scale.options, members), []).append(f"`{row.name}`")
+    for (options, members), names in users.items():
         yield f"## {options.__name__}"
         kind = "One of these" if issubclass(options, IntEnum) else "Any of these bits"
         yield f"{kind}, in {', '.join(names)}. {_linked(_clean(options.__doc__ or ''))}"
-        rows = [(f"{option:d}", f"{option:#04x}", f"`{option.name.lower()}`") for option in options]
+        rows = [(f"{option:d}", f"{option:#04x}", f"`{option.name.lower()}`") for option in members]
         yield _table(("Raw", "Hex", "Name"), rows)
     baud = model.optional("baud")
     if baud is None:
@@ -429,7 +442,7 @@ def imports(room: str) -> set[str]:
     files = [SOURCE / f"{room}.py"] if (SOURCE / f"{room}.py").exists() else sorted((SOURCE / room).rglob("*.py"))
     used: set[str] = set()
     for file in files:
-        if room != "families" or file.stem not in ("firmware", "control", "motors"):
+        if room != "families" or file.stem not in ("firmware", "answering", "control", "motors"):
             used |= set(_imported(ast.walk(ast.parse(file.read_text(encoding="utf-8")))))
     return used - {room}
 

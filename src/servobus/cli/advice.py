@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from servobus import BusServo
-from servobus.cli.options import Where
+from servobus.cli.finding import Where
 from servobus.cli.output import note
 from servobus.core.ids import shown_ids
 from servobus.doctor.findings import command

@@ -8,19 +8,10 @@ from pathlib import Path
 import click
 
 from servobus import BusServo, ServobusError
-from servobus.cli.options import (
-    Ids,
-    Where,
-    are_several,
-    as_json,
-    find,
-    for_each,
-    on_servo,
-    on_servos_with,
-    open_port,
-    verb,
-)
+from servobus.cli.finding import Where, find, for_each, open_port
+from servobus.cli.options import as_json, on_servo, on_servos_with, verb
 from servobus.cli.output import json_entries, note, print_json, which
+from servobus.cli.values import Ids, are_several
 from servobus.core.present import change_entry, value_text
 from servobus.errors import BusError, NotRestored, PortError, UsageError
 from servobus.jobs.backup import Backup, Comparison, compare, settings

@@ -9,22 +9,10 @@ import click
 
 from servobus import Bus, BusServo
 from servobus.cli import complete
-from servobus.cli.options import (
-    SECONDS,
-    Ids,
-    Where,
-    are_several,
-    as_json,
-    check_above_0,
-    find_all,
-    for_each,
-    found,
-    on_servos_with,
-    open_port,
-    split_assignment,
-    verb,
-)
+from servobus.cli.finding import Where, find_all, for_each, open_port
+from servobus.cli.options import as_json, on_servos_with, verb
 from servobus.cli.output import json_entries, note, warn_alarms, which
+from servobus.cli.values import SECONDS, Ids, are_several, check_above_0, readable, split_assignment
 from servobus.core.present import change_entry, value_entry, value_text
 from servobus.core.registers import Register
 from servobus.errors import BadValue, BusError, UsageError
@@ -65,7 +53,8 @@ def read(
     list if several servos are named, or `all`.
 
     --watch shows values live: in a table on a terminal, else a line (--json: an object) for each servo each time. A
-    servo that does not answer is shown so, and comes back. Nothing moves.
+    servo that does not answer is shown so, and comes back; an id that is not there at the start joins in when it
+    answers, and if it never does the exit code is 1. Nothing moves.
     """
     if watch:
         _watch(port, ids, where, names, interval, seconds, csv, json=json)
@@ -109,14 +98,13 @@ def _watch(
     for option, value in (("--interval", interval), ("--seconds", seconds)):
         check_above_0(option, value)
     with open_port(port) as bus:
-        servos = found(bus, where, ids)
-        sampler = Sampler(bus, servos, names, 0.2 if interval is None else interval)
+        sampler = Sampler(bus, where, ids, names, 0.2 if interval is None else interval)
         watch(sampler, seconds=seconds, csv=csv, json=json)
 
 
 def _values(servo: BusServo, names: Sequence[str]) -> dict[str, tuple[Register[Any], int]]:
     """Read registers: name -> register and raw value."""
-    rows = [_readable(servo, name) for name in names]
+    rows = [readable(servo.model, name) for name in names]
     return dict(zip(names, zip(rows, servo.read_raw(rows), strict=True), strict=True))
 
 
@@ -157,7 +145,7 @@ def write(port: str, ids: Ids, where: Where, settings: tuple[str, ...], save: bo
 
 def _encoded(servo: BusServo, wanted: Mapping[str, str]) -> dict[Register[Any], int]:
     """Check names and values for a servo: register -> raw value."""
-    values = {_readable(servo, name): value for name, value in wanted.items()}
+    values = {readable(servo.model, name): value for name, value in wanted.items()}
     if len(values) != len(wanted):
         raise BadValue("a register is named twice, once by an alias")
     return {row: _encode(servo, row, value) for row, value in values.items()}
@@ -193,13 +181,6 @@ def _write(
             raise BusError(
                 f"{servo.target} did not take {row.name} = {value_text(row, raw)}: it is {value_text(row, now)}"
             )
-
-
-def _readable(servo: BusServo, name: str) -> Register[Any]:
-    row = servo.model.register(name)
-    if not row.readable:
-        raise UsageError(f"{row.model} {row.name} is reserved: it has no meaning")
-    return row
 
 
 def _encode(servo: BusServo, row: Register[Any], value: str) -> int:

@@ -6,7 +6,8 @@ import click
 
 from servobus.bus import remembered
 from servobus.cli import complete
-from servobus.cli.options import ALL, IDS, Ids, joined_ids, port_argument, verb
+from servobus.cli.options import port_argument, verb
+from servobus.cli.values import ALL, IDS, Ids, joined_ids
 from servobus.connect import lasting_name
 from servobus.core.ids import shown_ids
 from servobus.errors import UsageError

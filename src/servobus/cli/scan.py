@@ -9,8 +9,10 @@ import click
 
 from servobus import Bus
 from servobus.cli.advice import note_unknown
-from servobus.cli.options import Where, as_json, id_list, on_port, open_port, verb
+from servobus.cli.finding import Where, open_port
+from servobus.cli.options import as_json, on_port, verb
 from servobus.cli.output import console, note, print_json, quantity_entry
+from servobus.cli.values import id_list
 from servobus.core.ids import LAST_ID
 from servobus.core.units import Flags
 from servobus.families import registry
@@ -110,8 +112,7 @@ def _note_problems(troubles: list[ScanProblem], found: list[FoundServo]) -> None
 
 def _servo_text(bus: Bus, found: FoundServo) -> str:
     if found.model is None:
-        number = found.identity.number
-        return f"id {found.id} at {found.baud}: {found.family.title} model {number}, not known here"
+        return f"id {found.id} at {found.baud}: {found.family.title} model {found.number_text}, not known here"
     return str(bus.adopt(found))
 
 

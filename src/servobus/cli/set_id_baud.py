@@ -3,8 +3,10 @@
 import click
 
 from servobus.cli.advice import command_for
-from servobus.cli.options import ID, Where, as_json, find, on_port, on_servo, open_port, verb
+from servobus.cli.finding import Where, find, open_port
+from servobus.cli.options import as_json, on_port, on_servo, verb
 from servobus.cli.output import note, print_json
+from servobus.cli.values import ID
 from servobus.errors import BusError, PortError
 from servobus.families import registry
 from servobus.jobs.reconfigure import is_one_speed, listed_baud

@@ -6,22 +6,11 @@ from contextlib import nullcontext
 import click
 
 from servobus import Bus, BusServo, ServobusError
-from servobus.cli.options import (
-    ALL,
-    TRIES,
-    Ids,
-    Where,
-    are_several,
-    as_json,
-    check_to_limit,
-    find_all,
-    on_servos,
-    open_port,
-    signals_as_interrupt,
-    to_limit_options,
-    verb,
-)
+from servobus.cli.finding import TRIES, Where, find_all, open_port, rounds_text
+from servobus.cli.interrupts import signals_as_interrupt
+from servobus.cli.options import as_json, check_to_limit, on_servos, to_limit_options, verb
 from servobus.cli.output import json_entries, note, print_json, quantity_entry, warn_alarms, which
+from servobus.cli.values import ALL, Ids, are_several
 from servobus.core.ids import BROADCAST, LAST_ID
 from servobus.errors import BusError, MotionError, NoReply, PortError, PortLost, StopFailed
 from servobus.families import registry
@@ -210,8 +199,8 @@ def _each_as_it_is_found(bus: Bus, where: Where, ids: Ids, action: Callable[[Bus
         for id in [id for id in ids if id not in met]:
             _tell_torque_off(bus, where, tried, id)
             failed.append(
-                f"{bus.transport.name}: no servo answers to id {id} (tried {_said(tried)}), so it may still move; "
-                "it was told to switch its torque off all the same"
+                f"{bus.transport.name}: no servo answers to id {id} (tried {rounds_text(tried)}), so it may still "
+                "move; it was told to switch its torque off all the same"
             )
     if failed:
         raise NoReply("; ".join(failed))
@@ -244,10 +233,6 @@ def _odd(where: Where, rounds: Rounds) -> Rounds:
     """Give the speeds that servos can be set to as well, but seldom are."""
     odd = [(family, spare_bauds(where.models_of(family), bauds)) for family, bauds in rounds]
     return [(family, bauds) for family, bauds in odd if bauds]
-
-
-def _said(rounds: Rounds) -> str:
-    return ", ".join(f"{family.name} at {'/'.join(map(str, bauds))}" for family, bauds in rounds)
 
 
 def _ids(ids: Sequence[int]) -> str:

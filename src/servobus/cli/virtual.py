@@ -3,6 +3,7 @@
 import shlex
 import sys
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +11,14 @@ import click
 
 from servobus.cli import complete
 from servobus.cli.app import Verb
+from servobus.cli.interrupts import stop_on_signals
 from servobus.cli.live_table import LiveTable
-from servobus.cli.options import BAUD, UnitType, stop_on_signals
 from servobus.cli.output import note
+from servobus.cli.values import BAUD, UnitType
 from servobus.cli.virtual_console import VirtualConsole, read_commands
 from servobus.cli.virtual_options import options_text, write_options
 from servobus.virtual.device.options import READINGS
-from servobus.virtual.physics.motor import NOTHING, Load
+from servobus.virtual.physics.motor import NOTHING
 from servobus.virtual.serve.ports import serve_pty, serve_tcp
 from servobus.virtual.serve.rig import Rig, build_rig
 from servobus.virtual.serve.spec import REAL_CLOCK, Servos, Setup, parse_load, parse_specs
@@ -24,36 +26,25 @@ from servobus.virtual.wire.adapter import WHOLE, Adapter
 from servobus.virtual.wire.faults import KINDS, NO_FAULTS, SETTINGS, Faults, explain
 
 
-class LoadType(click.ParamType[Load]):
-    """What hangs on a shaft, as people type it."""
+class ReadType(click.ParamType[Any]):
+    """A word that a function reads, such as what hangs on a shaft."""
 
-    name = "load"
+    def __init__(self, name: str, read: Callable[[str], Any]) -> None:
+        self.name = name
+        self._read = read
 
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Load:  # noqa: ARG002
-        return value if isinstance(value, Load) else parse_load(str(value))
-
-
-class AdapterType(click.ParamType[Adapter]):
-    """In which pieces answers come, as people type it."""
-
-    name = "adapter"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Adapter:  # noqa: ARG002
-        return value if isinstance(value, Adapter) else Adapter.parse(str(value))
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ARG002
+        return self._read(value) if isinstance(value, str) else value
 
 
-class FaultsType(click.ParamType[Faults]):
-    """What goes wrong on the line, as people type it; `help` lists what there is and ends the command."""
+class FaultsType(ReadType):
+    """What goes wrong on the line; `help` lists what there is and ends the command."""
 
-    name = "faults"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Faults:  # noqa: ARG002
-        if isinstance(value, Faults):
-            return value
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if value == "help" and ctx is not None:
             click.echo(explain())
             ctx.exit()
-        return Faults.parse(str(value))
+        return super().convert(value, param, ctx)
 
 
 class VirtualVerb(Verb):
@@ -97,7 +88,7 @@ EXAMPLES = (
 @click.option("--motor", metavar="NAME", help="Set of motor data, such as manual or measured; else the model's first.")
 @click.option(
     "--load",
-    type=LoadType(),
+    type=ReadType("load", parse_load),
     metavar="LOAD",
     default=NOTHING,
     show_default=False,
@@ -105,7 +96,7 @@ EXAMPLES = (
 )
 @click.option(
     "--adapter",
-    type=AdapterType(),
+    type=ReadType("adapter", Adapter.parse),
     metavar="KIND",
     default=WHOLE,
     show_default=False,
@@ -114,7 +105,7 @@ EXAMPLES = (
 )
 @click.option(
     "--faults",
-    type=FaultsType(),
+    type=FaultsType("faults", Faults.parse),
     metavar="SPEC",
     default=NO_FAULTS,
     show_default=False,
@@ -169,7 +160,8 @@ def virtual(
         _ready(name)
         if table:
             table.start(name)
-        read_commands(VirtualConsole(rig, table.show_note if table else note), stop)
+        console = VirtualConsole(rig, table.show_note if table else note)
+        read_commands(console, stop, table.line_typed if table and sys.stdin.isatty() else None)
 
     try:
         if address:

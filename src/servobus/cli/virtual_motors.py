@@ -4,7 +4,7 @@ from typing import Any
 
 from servobus.core.units import shown
 from servobus.families.base import Model
-from servobus.virtual.device.motor_set import MotorSet
+from servobus.virtual.device.motor_set import HEAT, MotorSet
 from servobus.virtual.device.motors import Miss, misses, motor_sets, supply
 
 
@@ -20,7 +20,12 @@ def motor_entries(model: type[Model]) -> dict[str, Any]:
                 "name": name,
                 "text": one.text,
                 "parameters": {
-                    field: {"value": getattr(one.params, field), "source": str(origin.source), "text": origin.text}
+                    field: {
+                        "value": getattr(one.params, field),
+                        "source": str(origin.source),
+                        "sibling": origin.sibling or None,
+                        "text": origin.text,
+                    }
                     for field, origin in one.origins.items()
                 },
             }
@@ -36,7 +41,7 @@ def motor_lines(model: type[Model]) -> list[str]:
         return []
     sets = motor_sets(model)
     first, *others = sets
-    lines = ["virtual servo:", *(f"  {names}: {text}" for names, text in origin_rows(sets[first]))]
+    lines = ["motor of the virtual servo:", *(f"  {line}" for line in origin_lines(sets[first]))]
     lines += [f"  not met: {miss_text(miss)}" for miss in misses(model)]
     volts, sibling = supply(model)
     lines += [f"  supply: {volts:g} V, taken over: that of the {sibling}"] if sibling else []
@@ -44,12 +49,29 @@ def motor_lines(model: type[Model]) -> list[str]:
     return lines
 
 
-def origin_rows(one: MotorSet) -> list[tuple[str, str]]:
-    """List the numbers of a set with their origins, those with the same origin together."""
-    together: dict[str, list[str]] = {}
+def origin_lines(one: MotorSet) -> list[str]:
+    """List the numbers of a set with their origins, those from the same source in one line."""
+    together: dict[str, dict[str, list[str]]] = {}
     for name, origin in one.origins.items():
-        together.setdefault(str(origin), []).append(name.replace("_", " "))
-    return [(", ".join(names), text) for text, names in together.items()]
+        names = together.setdefault(origin.head, {}).setdefault(origin.text, [])
+        if (word := field_word(name)) not in names:
+            names.append(word)
+    return [
+        f"{head}: " + ", ".join(f"{_listed(names)} ({text})" for text, names in texts.items())
+        for head, texts in together.items()
+    ]
+
+
+def _listed(names: list[str]) -> str:
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def field_word(name: str) -> str:
+    """Give what people call a field of a motor; the four that say how it warms are one."""
+    if name in HEAT:
+        return "heat"
+    return {"coulomb": "friction", "viscous": "viscous friction"}.get(name, name.replace("_", " "))
 
 
 def miss_text(miss: Miss) -> str:
@@ -58,6 +80,6 @@ def miss_text(miss: Miss) -> str:
     reached, _ = shown(miss.motor, miss.unit)
     where = f" ({miss.text})" if miss.text else ""
     return (
-        f"{miss.what} {figure:.3g} {symbol} at {miss.voltage:g} V{where}, the motor has {reached:.3g} {symbol}: no DC "
-        "motor meets this figure together with the others"
+        f"{miss.what} {figure:.3g} {symbol} at {miss.voltage:g} V{where}, which contradicts the others; the motor has "
+        f"{reached:.3g} {symbol}"
     ).replace(" °", "°")

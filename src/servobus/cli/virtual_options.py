@@ -1,6 +1,6 @@
 """The options of virtual servos as the command line shows them: made from their declarations."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import click
@@ -51,23 +51,15 @@ def option_rows(model: type[Model]) -> list[tuple[str, str]]:
 
 def write_options(formatter: click.HelpFormatter) -> None:
     """Write the options of all models, those with the same ones together."""
-    sharing: dict[tuple[tuple[str, str], ...], list[type[Model]]] = {}
+    titles: dict[tuple[tuple[str, str], ...], list[str]] = {}
     for model in MODELS.values():
         if rows := option_rows(model):
-            sharing.setdefault(tuple(rows), []).append(model)
-    for options, models in sharing.items():
-        with formatter.section(f"Options of {', '.join(_called(models))}, such as {options[0][0]}"):
+            titles.setdefault(tuple(rows), []).append(model.title)
+    for options, names in titles.items():
+        with formatter.section(f"Options of {names[0]}{' and others' * (len(names) > 1)}, such as {options[0][0]}"):
+            if len(names) > 1:
+                formatter.write_text(f"The same for {', '.join(names[1:])}.")
             formatter.write_dl(list(options), col_max=26)
-
-
-def _called(models: Sequence[type[Model]]) -> list[str]:
-    """Name models for a heading: a whole series at once, if several are of it."""
-    names = []
-    for model in models:
-        of_series = [one for one in MODELS.values() if (one.family, one.series) == (model.family, model.series)]
-        whole = len(of_series) > 1 and all(one in models for one in of_series)
-        names.append(model.series if whole else model.title)
-    return list(dict.fromkeys(names))
 
 
 def options_text(servo: VirtualServo, *, all: bool = False) -> str:

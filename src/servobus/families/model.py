@@ -201,10 +201,14 @@ class Model:
     """Longest time in seconds that one timed move can take; None if moves are given by speed."""
     turn_scale: ClassVar[Quantity]
     """Scale of the number that turns it without end: a speed ("rad/s"), or a share of full output ("1")."""
+    turns: ClassVar[bool] = True
+    """Whether it can turn without end."""
     limit_pairs: ClassVar[tuple[LimitPair, ...]] = (POSITION_LIMITS, VOLTAGE_LIMITS)
     """Registers of which one must be below the other."""
     brakes: ClassVar[bool] = False
     """Whether it can brake: short its motor, so that the shaft turns only slowly."""
+    answers_together: ClassVar[bool] = False
+    """Whether it can be read along with others by one request, which they answer one behind the other."""
     firmware: ClassVar[str] = ""
     """The class of its virtual servo, a `VirtualServo`; "" for a model that cannot be simulated."""
     practice: ClassVar[Mapping[str, Any]] = {}

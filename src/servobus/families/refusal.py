@@ -31,6 +31,13 @@ def stays_off(target: ServoRef, standing: int, shown: str) -> Refused:
     return Refused(f"{target}: the torque stays off, for the cause is still there: {shown}", standing)
 
 
+def require_turning(target: ServoRef) -> None:
+    """Raise UsageError if the servo cannot turn without end, or if its model is not known."""
+    require_model(target, "turn without end")
+    if not target.model.turns:
+        raise cannot(target, "turn without end", f"the {target.model.series} series has no such mode")
+
+
 def require_model(target: ServoRef, what: str) -> None:
     """Raise UsageError if it is not known what an angle is on this servo, for its model is not known."""
     if target.model.unscaled("goal_position"):

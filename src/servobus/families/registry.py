@@ -18,10 +18,17 @@ from typing import TypeVar
 
 from servobus.errors import UnknownName, UsageError
 from servobus.families.base import Family, Model
+from servobus.families.dynamixel.models.ax import AX12A, AX12W, AX18A
+from servobus.families.dynamixel.models.dx import DX113, DX116, DX117
+from servobus.families.dynamixel.models.ex import EX106P
+from servobus.families.dynamixel.models.mx import MX12W, MX28, MX64, MX106
+from servobus.families.dynamixel.models.rx import RX10, RX24F, RX64
 from servobus.families.dynamixel.models.rx28 import RX28
 from servobus.families.dynamixel.models.table import UnknownDynamixel
-from servobus.families.herkulex.models.drs0602 import DRS0602
+from servobus.families.herkulex.models.magnetic import DRS0402, DRS0602
+from servobus.families.herkulex.models.small import DRS0101, DRS0201
 from servobus.families.herkulex.models.table import UnknownHerkulex
+from servobus.families.herkulex.models.x01 import DRS0401, DRS0601
 from servobus.families.lewansoul.models.htd import HTD35H, HTD45H
 from servobus.families.lewansoul.models.hts import HTS16L, HTS20H, HTS20L, HTS21H, HTS30HS, HTS35H
 from servobus.families.lewansoul.models.hx import HX06L, HX12H, HX20L, HX35H
@@ -217,7 +224,11 @@ def unknown(family: Family, number: int | None = None) -> type[Model] | None:
         return generic
     made = _numbered.get((family.name, number))
     if made is None or not issubclass(made, generic):
-        body = {"title": generic.title.replace("model unknown", f"model {number}"), "number": number, "generic": True}
+        body = {
+            "title": generic.title.replace("model unknown", f"model {family.number_text(number)}"),
+            "number": number,
+            "generic": True,
+        }
         made = _numbered[family.name, number] = type(f"{generic.__name__}{number}", (generic,), body)
     return made
 
@@ -280,6 +291,8 @@ def _one_slip(one: str, other: str) -> bool:
 
 
 add(RX28, DRS0602, LX16A, UnknownDynamixel, UnknownHerkulex, UnknownLx)
+add(AX12A, AX12W, AX18A, RX10, RX24F, RX64, EX106P, DX113, DX116, DX117, MX12W, MX28, MX64, MX106)
+add(DRS0101, DRS0201, DRS0401, DRS0402, DRS0601)
 add(LX15D, LX224, LX224HV, LX225, LX824, LX824HV, LX1501)
 add(HTS20H, HTS16L, HTS20L, HTS21H, HTS30HS, HTS35H, HTD35H, HTD45H, HX12H, HX06L, HX20L, HX35H)
 

@@ -48,6 +48,12 @@ def stop_all(targets: Iterable[KnownServo]) -> Procedure[Outcomes]:
     return outcomes
 
 
+def let_go(target: KnownServo) -> Procedure[None]:
+    """Switch the torque of a servo off, and take note that nothing drives it; see `Family.let_go`."""
+    yield from target.model.family.let_go(target)
+    target.permit.mark_idle()
+
+
 def give_back(target: KnownServo) -> Procedure[None]:
     """Set the speed of moves again that stood in a servo before a move; where that fails the next write does it."""
     if target.record.lent:

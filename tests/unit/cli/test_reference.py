@@ -154,9 +154,9 @@ def test_a_model_says_what_the_motor_of_its_virtual_servo_stands_on(
     (entry,) = load("models", key)
     sets = entry["motor"]["sets"]
     assert sets[0]["name"] == "manual"
-    for name, number in sets[0]["parameters"].items():
-        assert name.replace("_", " ") in text
-        assert f"{number['source']}: {number['text']}" in text
+    for number in sets[0]["parameters"].values():
+        assert number["source"] + (f" from {number['sibling']}: " if number["sibling"] else ": ") in text
+        assert f" ({number['text']})" in text
     for other in sets[1:]:
         assert f"motor={other['name']}: {other['text']}" in text
     for missed in entry["motor"]["not_met"]:
@@ -165,5 +165,8 @@ def test_a_model_says_what_the_motor_of_its_virtual_servo_stands_on(
 
 def test_figures_that_contradict_each_other_are_told(run: Run) -> None:
     """LX-16A: 17 kgf·cm at 6 V does not go with 19.5 at 7.4 V. RX-28: 3.7 N·m at 18.5 V is that of 16 V in print."""
-    assert "not met: stall torque 1.67 N·m at 6 V, the motor has" in run("models", "lx16a").stdout
+    assert (
+        "not met: stall torque 1.67 N·m at 6 V, which contradicts the others; the motor has"
+        in run("models", "lx16a").stdout
+    )
     assert "not met: stall torque 3.7 N·m at 18.5 V (ROBOTIS e-manual)" in run("models", "rx28").stdout

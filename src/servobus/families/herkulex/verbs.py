@@ -50,7 +50,7 @@ from servobus.families.herkulex.protocol import (
 from servobus.families.model import Model
 from servobus.families.motion import AxisMove, MotionStatus, TorqueState, about_to_turn, nearest, raw_position
 from servobus.families.reading import Reading, fetch
-from servobus.families.refusal import cannot, stays_off
+from servobus.families.refusal import cannot, check_output, stays_off
 from servobus.families.stopping import LIMP, TRIES, TURNS_NO_MORE, StopOutcome, let_go_outside, reachable
 from servobus.families.target import Answers, KnownServo, ServoRef
 
@@ -110,6 +110,10 @@ class Herkulex(Family):
         answers = Answers(min(policy, 2))
         # Version bytes 00 90 read as "0.90": an assumption, the manual does not say how they are written.
         return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", answers)
+
+    def number_text(self, number: int | None) -> str:
+        """Give the digits of the name: "0102" is a DRS-0102."""
+        return super().number_text(number) if number is None else f"{number:04x}"
 
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
         """STAT, and reads: an ACK tells command, address and length of its request."""
@@ -282,14 +286,11 @@ class Herkulex(Family):
         return ack.status_error
 
     def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
-        """Infinite turn, with controlled speed. Asked for more than it reaches, it obeys late (6-5)."""
-        if speed is None or output is not None:
-            raise cannot(target, "turn at a share of full output", "it controls its speed; give speed in rad/s")
-        scale = target.model.turn_scale
-        fastest = scale.decode(SPEED_LAYOUT.range[1])
-        if not abs(speed) <= fastest:  # so that NaN is refused too
-            raise BadValue(f"{target}: speed {show(speed, 'rad/s')} is beyond {show(fastest, 'rad/s')}")
-        raw = scale.encode(speed)
+        """Infinite turn: with controlled speed, or with a share of full output where the model knows no more (EH-57).
+
+        Asked for more speed than it reaches, it obeys late (6-5).
+        """
+        raw = _turn_value(target, speed, output)
         yield from about_to_turn(target)
         yield from _jog(target, Jog(target.id, raw, ControlMode.INFINITE_TURN, playtime=_TURN_PLAYTIME))
 
@@ -374,6 +375,21 @@ class Herkulex(Family):
 
 HERKULEX = Herkulex()
 """The one instance, which all models share."""
+
+
+def _turn_value(target: KnownServo, speed: float | None, output: float | None) -> int:
+    """Give the value of a JOG for infinite turn: a speed or a share of full output, as the model has it."""
+    scale = target.model.turn_scale
+    if not target.model.turns_at_speed():
+        if output is None or speed is not None:
+            raise cannot(target, "turn at a given speed", "its infinite turn has no speed control; give output=-1..1")
+        return scale.encode(check_output(output))
+    if speed is None or output is not None:
+        raise cannot(target, "turn at a share of full output", "it controls its speed; give speed in rad/s")
+    fastest = scale.decode(SPEED_LAYOUT.range[1])
+    if not abs(speed) <= fastest:  # so that NaN is refused too
+        raise BadValue(f"{target}: speed {show(speed, 'rad/s')} is beyond {show(fastest, 'rad/s')}")
+    return scale.encode(speed)
 
 
 def _jog(target: ServoRef, jog: Jog) -> Procedure[None]:

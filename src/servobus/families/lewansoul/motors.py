@@ -62,7 +62,7 @@ HTD45H_MEASURED: Final = motor_set(
     gear_loss=assumed("none: it hides in the friction that was measured"),
     coulomb=measured(_WILDROBOT),
     inertia=measured(_WILDROBOT),
-    heat=taken_over("how the LX-16A warms"),
+    heat=taken_over("the LX-16A", "how it warms"),
 )
 
 _NAME_BEFORE = "an earlier name for it in the list of models of a library"

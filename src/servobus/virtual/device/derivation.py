@@ -60,7 +60,7 @@ class Sibling:
     def told(self, what: str) -> Origin:
         """Say that something is taken over from it."""
         name = f"the {self.title} itself as it was measured" if self.itself else f"the {self.title}"
-        return taken_over(f"from {name}{f' ({self.why})' if self.why else ''}, {what}")
+        return taken_over(name + (f" ({self.why})" if self.why else ""), what)
 
 
 def derive(title: str, sheet: SpecSheet, sibling: Sibling | None) -> MotorSet:
@@ -83,7 +83,7 @@ def derive(title: str, sheet: SpecSheet, sibling: Sibling | None) -> MotorSet:
     if not speeds:
         known = _named(title, sibling)
         speed = no_load_speed(known.motor.params, known.voltage) / (top - idle)
-        speed_from = known.told(f"whose speed at {known.voltage:g} V is that at {top:g} V here")
+        speed_from = known.told(f"the speed there at {known.voltage:g} V, at {top:g} V here")
     constant = 1 / speed
     gear_loss, gear_loss_from = _gear_loss(points, torque / constant, nominal, sibling)
     resistance_from = gear_loss_from if gear_loss_from.source == "derived" else torque_from
@@ -107,7 +107,7 @@ def derive(title: str, sheet: SpecSheet, sibling: Sibling | None) -> MotorSet:
         coulomb=coulomb_from,
         inertia=assumed(f"the bare shaft runs up in {RUN_UP * 1000:g} ms")
         if sibling is None
-        else sibling.told("the inertia itself" if sibling.itself else "the time in which the bare shaft runs up"),
+        else sibling.told("the same" if sibling.itself else "the time in which the bare shaft runs up"),
         heat=assumed("a small motor in a case of plastic")
         if sibling is None
         else sibling.told("how it warms, by the weight" if sheet.weight and sibling.weight else "how it warms"),
@@ -126,7 +126,7 @@ def _named(title: str, sibling: Sibling | None) -> Sibling:
 def _all_of(title: str, sibling: Sibling | None) -> MotorSet:
     """Give the sibling's motor for a model of which no figure is known."""
     known = _named(title, sibling)
-    origins = dict.fromkeys(known.motor.origins, known.told("all of it"))
+    origins = dict.fromkeys(known.motor.origins, known.told("the same"))
     return MotorSet(known.motor.params, origins, f"the motor of the {known.title}: no figure of its own is known")
 
 
@@ -149,7 +149,7 @@ def _gear_loss(
         return max(0.0, 1 - ideal / conductance), origin
     if sibling is None:
         return 0.0, assumed("a gear that keeps nothing")
-    return sibling.motor.params.gear_loss, sibling.told("the gear loss")
+    return sibling.motor.params.gear_loss, sibling.told("the same")
 
 
 def _inertia(slope: float, sibling: Sibling | None) -> float:

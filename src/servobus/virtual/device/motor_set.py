@@ -34,9 +34,16 @@ class Origin:
 
     source: Source
     text: str
+    sibling: str = ""
+    """The model that it is taken over from, and what makes the two alike."""
+
+    @property
+    def head(self) -> str:
+        """Where it comes from, without how."""
+        return f"{self.source} from {self.sibling}" if self.sibling else str(self.source)
 
     def __str__(self) -> str:
-        return f"{self.source}: {self.text}"
+        return f"{self.head}: {self.text}"
 
 
 def assumed(text: str) -> Origin:
@@ -55,8 +62,8 @@ def printed(text: str) -> Origin:
     return Origin(Source.PRINTED, text)
 
 
-def taken_over(text: str) -> Origin:
-    return Origin(Source.TAKEN_OVER, text)
+def taken_over(sibling: str, text: str) -> Origin:
+    return Origin(Source.TAKEN_OVER, text, sibling)
 
 
 HEAT = ("winding_to_case", "case_to_ambient", "winding_capacity", "case_capacity")

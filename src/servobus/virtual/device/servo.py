@@ -48,7 +48,10 @@ class VirtualServo(ABC):
     baud             its speed now, bit/s
     garbage_timeout  longest pause inside a packet, s
     deaf_until       time before which it hears nothing, because it restarts
+    awaits_turn      whether its answer waits for the answers of others, which `overhear` is told of
     """
+
+    awaits_turn = False
 
     answer_time = Option(
         Times(), practice=NO_TIME, manual=NO_TIME,
@@ -137,6 +140,10 @@ class VirtualServo(ABC):
     def hear(self, event: Packet | Corrupt, now: float) -> Replies:
         """Act on a packet to this servo's id, or to all, whose last bit came now; give the replies."""
 
+    def overhear(self, packet: Packet, now: float) -> Replies:  # noqa: ARG002 - most servos answer alone
+        """Take note of another servo's answer, whose last bit came now; give what this servo sends after it."""
+        return []
+
     def garbage(self, now: float) -> None:  # noqa: B027 - most firmware just forgets
         """Take note that an incomplete packet was dropped after a pause."""
 
@@ -208,13 +215,17 @@ class VirtualServo(ABC):
     def answer(self, event: Packet | Corrupt, now: float) -> Replies:
         """Act on a packet as `hear` does, in the time that this servo takes for it."""
         written = self.memory.bytes_stored
-        replies = self.hear(event, now)
-        if self.answer_time != NO_TIME:
-            replies = [(delay + self._throw(self.answer_time), data) for delay, data in replies]
+        replies = self.in_its_time(self.hear(event, now))
         if self.memory.bytes_stored != written and self.eeprom_pause != NO_TIME:
             pause = sum(self._throw(self.eeprom_pause) for _ in range(self.memory.bytes_stored - written))
             self.deaf_until = max(self.deaf_until, self._sent_at(replies, now) + pause)
         return replies
+
+    def in_its_time(self, replies: Replies) -> Replies:
+        """Have replies begin as much later as `answer_time` says."""
+        if self.answer_time == NO_TIME:
+            return replies
+        return [(delay + self._throw(self.answer_time), data) for delay, data in replies]
 
     def _sent_at(self, replies: Replies, now: float) -> float:
         """Give the time at which these replies will have been sent."""

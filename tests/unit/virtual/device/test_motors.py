@@ -84,7 +84,7 @@ def test_what_a_sheet_lacks_is_taken_over_from_a_sibling_with_a_name(key: str) -
     for name, known in (("resistance", model.sheet.stall_torque), ("torque_constant", model.sheet.speed)):
         if known is None:
             assert one.origins[name].source is Source.TAKEN_OVER
-            assert any(other.title in one.origins[name].text for other in MODELS.values())
+            assert any(other.title in one.origins[name].sibling for other in MODELS.values())
 
 
 @every_model
