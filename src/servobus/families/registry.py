@@ -226,7 +226,11 @@ def unknown(family: Family, number: int | None = None) -> type[Model] | None:
         return generic
     made = _numbered.get((family.name, number))
     if made is None or not issubclass(made, generic):
-        body = {"title": generic.title.replace("model unknown", f"model {number}"), "number": number, "generic": True}
+        body = {
+            "title": generic.title.replace("model unknown", f"model {family.number_text(number)}"),
+            "number": number,
+            "generic": True,
+        }
         made = _numbered[family.name, number] = type(f"{generic.__name__}{number}", (generic,), body)
     return made
 
