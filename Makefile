@@ -5,13 +5,16 @@ BIN := $(VENV)/bin
 CORE := $(VENV)/.core
 READY := $(VENV)/.ready
 RIVALS := $(VENV)/.rivals
+# One process for each core, and a test goes to whoever is free. Tests start many programs: these find their bytecode.
+SPREAD := -n auto --dist worksteal
+unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check format docs bench faults soak clean
+.PHONY: help setup demo test test-all check format docs bench faults soak clean
 
 help:  ## show this list
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
 
 $(CORE): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -37,8 +40,11 @@ setup: $(READY)  ## make the environment in .venv
 demo: $(CORE)  ## find, read and move virtual servos of three families
 	@$(BIN)/servobus demo
 
-test: $(READY)  ## run the tests
-	@$(BIN)/python -m pytest
+test: $(READY)  ## run the tests, slow ones with a few models that stand for all
+	@$(BIN)/python -m pytest $(SPREAD)
+
+test-all: $(READY)  ## run all tests with all models, and more examples of each property
+	@$(BIN)/python -m pytest $(SPREAD) --all
 
 check: $(READY)  ## format, lint, types, imports, generated pages
 	$(BIN)/ruff format --check .

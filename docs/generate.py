@@ -8,17 +8,21 @@ import ast
 import re
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
 from servobus import MODELS
+from servobus.cli.virtual_motors import field_word, miss_text
 from servobus.cli.virtual_options import option_entries
+from servobus.core.present import unit_step_text
 from servobus.core.registers import Access, Area, Int, Register
-from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Switch, deg, rpm, show, shown
+from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Switch, Thermistor, deg, rpm, show, shown
 from servobus.families.base import Model
 from servobus.families.present import differences
+from servobus.virtual.device.motor_set import HEAT, MotorSet
+from servobus.virtual.device.motors import misses, motor_sets, supply
 
 DOCS = Path(__file__).parent
 PAGES = DOCS / "registers"
@@ -127,6 +131,7 @@ def page(model: type[Model]) -> str:
     parts += ["## Second names", "Either name works."]
     parts += [_table(("Name", "Register"), [(f"`{alias}`", f"`{name}`") for alias, name in model.aliases.items()])]
     parts += list(_codes(model))
+    parts += list(_motor(model))
     parts += list(_options(model))
     return _join(*parts)
 
@@ -155,6 +160,64 @@ def _options(model: type[Model]) -> Iterator[str]:
             for row in rows
         ]
         yield _table(head, cells)
+
+
+def _motor(model: type[Model]) -> Iterator[str]:
+    """Write what the motor of the model's virtual servo is, and where each number comes from."""
+    if not model.firmware:
+        return
+    sets = motor_sets(model)
+    volts, sibling = supply(model)
+    yield "## Motor of the virtual servo"
+    yield (
+        "As it is seen at the output, with the origin of each number: printed, derived from printed figures, measured "
+        "on real servos, taken over from a sibling, or assumed; see [virtual servos](../virtual.md#motor-data)."
+        + (f" Its supply of {volts:g} V is taken over from the {sibling}." if sibling else "")
+    )
+    yield _table(
+        ("Number", *(f"`{name}`" for name in sets), "Unit", "Origin"),
+        [row for name in _PARAMETERS for row in _parameter(name, sets)],
+    )
+    yield "\n".join(f"- `{name}`: {one.text}." for name, one in sets.items())
+    if missed := misses(model):
+        yield "Printed figures that the motor does not meet:"
+        yield "\n".join(f"- {miss_text(miss)}." for miss in missed)
+
+
+_PARAMETERS = {
+    "gear_ratio": ("", 1.0),
+    "torque_constant": ("mN·m/A", 1e3),
+    "resistance": ("ohm", 1.0),
+    "gear_loss": ("", 1.0),
+    "coulomb": ("N·m", 1.0),
+    "viscous": ("N·m·s/rad", 1.0),
+    "inertia": ("kg·m²", 1.0),
+    "winding_to_case": ("K/W", 1.0),
+    "case_to_ambient": ("K/W", 1.0),
+    "winding_capacity": ("J/K", 1.0),
+    "case_capacity": ("J/K", 1.0),
+}
+"""Field of a motor -> unit, and how many of it make one of the field's."""
+
+
+def _parameter(name: str, sets: Mapping[str, MotorSet]) -> Iterator[tuple[str, ...]]:
+    """Write a number of a motor in all sets; where only some have it, the others have 0."""
+    unit, factor = _PARAMETERS[name]
+    if not any(name in one.origins for one in sets.values()):
+        return
+    origins = {str(one.origins[name]): set_name for set_name, one in reversed(sets.items()) if name in one.origins}
+    told = list(reversed(origins.items()))
+    text = told[0][0] if len(told) == 1 else "; ".join(f"`{set_name}` {origin}" for origin, set_name in told)
+    yield (
+        field_word(name) if name not in HEAT else name.replace("_", " "),
+        *(_number(getattr(one.params, name) * factor) for one in sets.values()),
+        unit,
+        text,
+    )
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if value >= 1000 else f"{value:.3g}"
 
 
 def _sheet(model: type[Model]) -> Iterator[tuple[str, str]]:
@@ -264,6 +327,8 @@ def _step(row: Register[Any]) -> str:
             return f"{on} is on"
         case BaudDivisor() | Lookup():
             return "[speed code](#bus-speeds)"
+    if isinstance(row.scale, Thermistor):
+        return unit_step_text(row)
     if not isinstance(row.scale, Quantity):
         return f"1 {row.unit}" if row.unit else "1"
     if row.unit == "s" and row.scale.step < 1e-4:
@@ -279,12 +344,13 @@ def _codes(model: type[Model]) -> Iterator[str]:
     users: dict[Any, list[str]] = {}
     for row in model.registers.values():
         if isinstance(row.scale, Choice | Flags):
-            users.setdefault(row.scale.options, []).append(f"`{row.name}`")
-    for options, names in users.items():
+            members = row.scale.used if isinstance(row.scale, Flags) else tuple(row.scale.options)
+            users.setdefault((row.scale.options, members), []).append(f"`{row.name}`")
+    for (options, members), names in users.items():
         yield f"## {options.__name__}"
         kind = "One of these" if issubclass(options, IntEnum) else "Any of these bits"
         yield f"{kind}, in {', '.join(names)}. {_linked(_clean(options.__doc__ or ''))}"
-        rows = [(f"{option:d}", f"{option:#04x}", f"`{option.name.lower()}`") for option in options]
+        rows = [(f"{option:d}", f"{option:#04x}", f"`{option.name.lower()}`") for option in members]
         yield _table(("Raw", "Hex", "Name"), rows)
     baud = model.optional("baud")
     if baud is None:
@@ -376,7 +442,7 @@ def imports(room: str) -> set[str]:
     files = [SOURCE / f"{room}.py"] if (SOURCE / f"{room}.py").exists() else sorted((SOURCE / room).rglob("*.py"))
     used: set[str] = set()
     for file in files:
-        if room != "families" or file.stem not in ("firmware", "control", "motors"):
+        if room != "families" or file.stem not in ("firmware", "answering", "control", "motors"):
             used |= set(_imported(ast.walk(ast.parse(file.read_text(encoding="utf-8")))))
     return used - {room}
 

@@ -7,13 +7,14 @@ files that are named after it.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import reduce
 from operator import xor
 from typing import Any, ClassVar
 
 import pytest
 
+import extent
 from servobus import MODELS
 from servobus.core.framing import Packet
 from servobus.core.registers import Access, Register
@@ -402,6 +403,12 @@ def ends(model: type[Model]) -> list[int]:
     return sorted(places)
 
 
+def slack(model: type[Model]) -> float:
+    """Give how far from its goal a servo may come to rest, rad: a degree, and what its compliance leaves free."""
+    free = model.register("cw_compliance_margin").default if has(model, "cw_compliance_margin") else 0
+    return 1 * deg + (free or 0) * model.sheet.resolution
+
+
 def keeps_twice(model: type[Model]) -> bool:
     """Tell whether settings are kept in EEPROM and act from a copy in RAM, which can be written alone."""
     return isinstance(model.register("max_temperature").place, EepRam)
@@ -428,27 +435,6 @@ def steady(model: type[Model]) -> str:
     )
 
 
-# Parametrisations
-
-
-def keys_that(can: Callable[[type[Model]], bool]) -> list[str]:
-    """Give the keys of the models that can something."""
-    return [key for key, model in MODELS.items() if can(model)]
-
-
-def models_that(can: Callable[[type[Model]], bool]) -> pytest.MarkDecorator:
-    """Run a test, as `key`, with each of the models that can something."""
-    return pytest.mark.parametrize("key", keys_that(can))
-
-
-ONE_OF_EACH_FAMILY = list({model.family.name: key for key, model in reversed(list(MODELS.items()))}.values())[::-1]
-"""The key of the first model of each family."""
-
-every_model = pytest.mark.parametrize("key", MODELS)
-one_model_of_each_family = pytest.mark.parametrize("key", ONE_OF_EACH_FAMILY)
-"""For what depends on the family's packets alone, or takes long."""
-
-
 def can_change_baud(model: type[Model]) -> bool:
     return has(model, "baud")
 
@@ -457,9 +443,83 @@ def can_be_silenced(model: type[Model]) -> bool:
     return has(model, "answer_level")
 
 
+def limits_turn(model: type[Model]) -> bool:
+    """Tell whether a model turns without end because both its angle limits are 0 (RX-28 manual 3-4-3)."""
+    return model.family.name == "dynamixel" and model.turns
+
+
+def may_be_equal(model: type[Model], pair: tuple[str, str]) -> tuple[int, ...]:
+    """Give the raw values that both limits of a pair may have at once."""
+    if not limits_turn(model) or pair != ("min_position", "max_position"):
+        return ()
+    return (0, 4095) if has(model, "multi_turn_offset") else (0,)  # ROBOTIS e-manual, MX-28, CW/CCW Angle Limit
+
+
+def can_turn(model: type[Model]) -> bool:
+    return model.turns
+
+
 def can_reset(model: type[Model]) -> bool:
     return SAMPLES[model.family.name].resets
 
 
 def minds_overload(model: type[Model]) -> bool:
     return SAMPLES[model.family.name].minds_overload
+
+
+# Parametrisations
+
+
+def kind(model: type[Model]) -> object:
+    """Give what a model shares with those that it stands for: its family, and all that tests tell models apart by."""
+    cans = (
+        can_change_baud,
+        can_be_silenced,
+        can_reset,
+        minds_overload,
+        keeps_twice,
+        output_limit,
+        ram_setting,
+        lambda model: model.turns_at_speed(),
+    )
+    return model.family.name, *(bool(can(model)) for can in cans)
+
+
+def chosen(keys: Iterable[str]) -> list[str]:
+    """Give all of these models with `--all`; else the first of each kind, which stands for the others."""
+    if extent.everything:
+        return list(keys)
+    first: dict[object, str] = {}
+    for key in keys:
+        first.setdefault(kind(MODELS[key]), key)
+    return list(first.values())
+
+
+def keys_that(can: Callable[[type[Model]], bool]) -> list[str]:
+    """Give the keys of the chosen models among those that can something."""
+    return chosen(key for key, model in MODELS.items() if can(model))
+
+
+def models_that(can: Callable[[type[Model]], bool]) -> pytest.MarkDecorator:
+    """Run a test, as `key`, with the chosen models among those that can something."""
+    return pytest.mark.parametrize("key", keys_that(can))
+
+
+SAMPLE_KEYS = chosen(MODELS)
+"""The keys of the chosen models."""
+ONE_OF_EACH_FAMILY = list({model.family.name: key for key, model in reversed(list(MODELS.items()))}.values())[::-1]
+"""The key of the first model of each family."""
+
+series_models = pytest.mark.parametrize(
+    "key",
+    list({(model.family.name, model.series): key for key, model in reversed(list(MODELS.items()))}.values())[::-1]
+    if extent.everything
+    else ONE_OF_EACH_FAMILY,
+)
+"""For hundreds of cases of each model: the first model of each series with `--all`, else of each family."""
+every_model = pytest.mark.parametrize("key", MODELS)
+"""For what takes a few milliseconds: it is run with every model, always."""
+sample_models = pytest.mark.parametrize("key", SAMPLE_KEYS)
+"""For what takes longer: it is run with every model with `--all`, and else with the first of each kind."""
+one_model_of_each_family = pytest.mark.parametrize("key", ONE_OF_EACH_FAMILY)
+"""For what depends on the family's packets alone."""

@@ -15,9 +15,9 @@ What only one family can do is in `servobus.dynamixel1`, `servobus.herkulex` and
 
 from typing import TYPE_CHECKING, Any
 
-from servobus.bus.base import ReconnectReport
 from servobus.bus.blocking import Bus, BusServo, Move
 from servobus.bus.by_servo import ByServo, Readings
+from servobus.bus.reconnect import ReconnectReport
 from servobus.bus.servo import Servo
 from servobus.connect import open, open_async
 from servobus.core.units import deg, ms, rpm

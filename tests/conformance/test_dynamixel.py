@@ -14,7 +14,7 @@ import pytest
 
 from conformance.wire import Reply, Wire
 from servobus.core.units import deg, rpm
-from servobus.families.dynamixel.firmware import Dynamixel1Servo
+from servobus.families.dynamixel.firmware import ComplianceServo
 from servobus.families.registry import RX28
 from servobus.virtual.device.servo import VirtualServo, virtual_servo
 from servobus.virtual.physics.motor import Load, no_load_speed
@@ -555,7 +555,7 @@ def test_D_58_goal_and_torque(wire: Wire) -> None:
 
 
 def test_a_goal_that_switches_the_torque_on(wire: Wire) -> None:
-    assert isinstance(wire.servo, Dynamixel1Servo)
+    assert isinstance(wire.servo, ComplianceServo)
     wire.servo.goal_torque = True
     write(wire, 30, 0, 2)
     wire.wait(1)
@@ -680,7 +680,7 @@ def test_D_64_torque_over_position(wire: Wire) -> None:
 
 
 def test_sides_of_the_other_edition(wire: Wire) -> None:
-    assert isinstance(wire.servo, Dynamixel1Servo)
+    assert isinstance(wire.servo, ComplianceServo)
     wire.servo.compliance_sides = "swapped"  # ED-17
     ask(wire, "01 03 1A 03 07 10 20")
     assert [load_at(wire, unit, 512) > 0 for unit in (504, 505, 515, 516)] == [True, False, False, True]
@@ -712,7 +712,7 @@ def test_the_example_in_motion(wire: Wire) -> None:
     seen: list[tuple[int, float]] = []
     while not seen or seen[-1][0] < 500:
         wire.wait(0.002)
-        assert isinstance(wire.servo, Dynamixel1Servo)
+        assert isinstance(wire.servo, ComplianceServo)
         seen.append((wire.servo.present, wire.servo.output))
     # What is seen is the output of the last tick, up to 2 ms and 5 units ago.
     assert {output for unit, output in seen if unit <= 491} == {1.0}
@@ -735,7 +735,7 @@ def test_D_66_slope_reads_as_written_and_acts_as_its_level(wire: Wire, low: int,
 
 
 def test_slopes_of_the_online_manual(wire: Wire) -> None:
-    assert isinstance(wire.servo, Dynamixel1Servo)
+    assert isinstance(wire.servo, ComplianceServo)
     wire.servo.slope_levels = "online"  # ED-13
     for slope, level in ((4, 4), (15, 8), (16, 16), (33, 32), (127, 64), (254, 128)):
         ask(wire, f"01 03 1C {slope:02X} {slope:02X}")

@@ -19,13 +19,14 @@ from servobus.core.framing import Packet
 from servobus.core.units import deg
 from servobus.errors import UsageError
 from servobus.families.lewansoul.firmware import LewansoulServo
-from servobus.families.lewansoul.models.lx16a import LX16A
-from servobus.families.lewansoul.motors import LX16A as MOTOR
+from servobus.families.lewansoul.models.lx import LX16A
+from servobus.virtual.device.motors import motor
 from servobus.virtual.device.servo import VirtualServo, virtual_servo
 from servobus.virtual.physics.motor import Load, no_load_speed, operating_point
 from servobus.virtual.physics.shaft import Rail
 
 UNIT = 0.24 * deg
+MOTOR = motor(LX16A)
 TOP_SPEED = 60 * deg / 0.16
 """rad/s without load at 7.4 V, by the product pages."""
 

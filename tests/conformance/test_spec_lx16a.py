@@ -8,7 +8,7 @@ import pytest
 
 from conformance.wire import Wire
 from servobus.core.framing import Packet
-from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.families.lewansoul.models.lx import LX16A
 from servobus.families.lewansoul.protocol import FRAMING, Command
 from servobus.virtual.device.servo import virtual_servo
 from servobus.virtual.physics.motor import Load

@@ -12,7 +12,7 @@ import pytest
 from conformance.test_dynamixel import OK, UNIT, ask, framed, read, write
 from conformance.wire import Wire
 from servobus.core.units import deg
-from servobus.families.dynamixel.firmware import Dynamixel1Servo
+from servobus.families.dynamixel.firmware import ComplianceServo
 from servobus.families.registry import RX28
 from servobus.virtual.device.servo import VirtualServo, virtual_servo
 from servobus.virtual.physics.motor import REFERENCE, Load
@@ -163,7 +163,7 @@ def test_half_the_tick_changes_a_move_by_less_than_a_unit(speed: int, monkeypatc
         return path
 
     coarse = move()
-    monkeypatch.setattr(Dynamixel1Servo, "tick", Dynamixel1Servo.tick / 2)
+    monkeypatch.setattr(ComplianceServo, "tick", ComplianceServo.tick / 2)
     fine = move()
     assert coarse[-1] == pytest.approx(607, abs=0.5)
     assert max(abs(one - other) for one, other in zip(coarse, fine, strict=True)) < 1
@@ -212,7 +212,7 @@ def test_heat_shuts_down_where_overload_may_not() -> None:
 
 def test_heat_alone() -> None:
     wire, servo = stalled()
-    assert isinstance(servo, Dynamixel1Servo)
+    assert isinstance(servo, ComplianceServo)
     servo.overload_time = float("inf")
     assert first(wire, 0x24, 120) > 10
     assert ask(wire, "01 01") == "01 04"

@@ -9,7 +9,7 @@ import pytest
 
 import servobus
 from faults.rig import DRIVERS, FaultRig
-from samples import every_model, hottest, minds_overload, models_that
+from samples import hottest, minds_overload, models_that, sample_models
 from servobus import MODELS, Stopped, deg
 from servobus.safety.overload import Level
 from servobus.virtual.physics.motor import Load
@@ -20,7 +20,7 @@ PATIENCE = 30.0
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_F21_a_program_that_hangs_is_made_safe_once(key: str, driver: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing is heard of the program for the time-out, and the clock on the wall jumps back: the joint is made safe by
     a thread of its own, motion raises Stopped until somebody says go on, and reading goes on."""
@@ -49,7 +49,7 @@ def test_F21_a_program_that_hangs_is_made_safe_once(key: str, driver: str, monke
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_F25_heat_is_warned_of_then_weakens_then_stops(key: str, driver: str) -> None:
     """A servo that warms up to its limit from the factory: told 10 °C before its limit, weakened 5 °C
     before it, made safe at it, and back in the same steps."""

@@ -5,7 +5,7 @@ from collections.abc import AsyncIterator
 from typing import Any
 
 from faults.rig import DRIVERS, FaultRig
-from samples import every_model
+from samples import sample_models
 from servobus import deg
 from servobus.bus.cycle import Cycle
 from unit.lossy import ASYNC
@@ -21,7 +21,7 @@ def cycle_of(rig: FaultRig) -> Any:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_F15_all_behind_the_cut_are_told_together(key: str, driver: str) -> None:
     """Servos 3 to 5 of a cable go: the cycle brings the values of 1 and 2, and says where to look."""
     rig = FaultRig(key, driver, ids="1-5")
@@ -35,7 +35,7 @@ def test_F15_all_behind_the_cut_are_told_together(key: str, driver: str) -> None
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_F22_a_stall_is_counted_and_brings_no_burst_of_old_goals(key: str, driver: str) -> None:
     """A loop of 20 Hz stands still for 200 ms in one turn: three turns are left out and counted, and each goal that
     goes out afterwards is that of its own time."""

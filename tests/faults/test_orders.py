@@ -6,12 +6,14 @@ import pytest
 
 from faults.rig import DRIVERS, FaultRig
 from samples import (
+    SAMPLE_KEYS,
     can_change_baud,
     every_model,
     goal_range,
     models_that,
     one_model_of_each_family,
     other_bauds,
+    sample_models,
     sample_of,
     seams,
 )
@@ -20,7 +22,7 @@ from unit.lossy import SYNC, Bench
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_F18_a_flood_of_eeprom_writes_is_braked(key: str, driver: str) -> None:
     """A loop that stores another value each time: ten reach the EEPROM, then EepromWear, which names a remedy; the same
     value again writes nothing."""
@@ -53,7 +55,7 @@ def test_F18_a_locked_table_is_said_to_be(driver: str) -> None:
 
 
 @DRIVERS
-@every_model
+@sample_models
 @pytest.mark.parametrize("lost", ["request", "reply"])
 def test_F19_an_id_change_that_is_cut_off_is_finished(key: str, lost: str, driver: str) -> None:
     """Whichever packet of a change of id is lost, on its way there or back: the servo is found, under the new id."""
@@ -113,7 +115,7 @@ WILD = [math.nan, math.inf, -math.inf, 1e9, -100.0]
 
 
 @DRIVERS
-@every_model
+@sample_models
 @pytest.mark.parametrize("goal", WILD)
 def test_F23_wild_numbers_stay_off_the_wire(key: str, goal: float, driver: str) -> None:
     """NaN, infinities, angles that cannot be: BadValue before a byte is sent, for goals, times and speeds."""
@@ -132,7 +134,7 @@ def test_F23_wild_numbers_stay_off_the_wire(key: str, goal: float, driver: str) 
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_F23_a_step_too_far_and_degrees_for_radians(key: str, driver: str) -> None:
     """Beyond `max_step`: refused before anything moves. 90 in place of 90 * deg: refused, with the hint."""
     rig = FaultRig(key, driver)
@@ -147,7 +149,7 @@ def test_F23_a_step_too_far_and_degrees_for_radians(key: str, driver: str) -> No
     assert rig.real().position == pytest.approx(start, abs=0.5 * deg)
 
 
-AT_SEAMS = [(key, raw) for key, model in MODELS.items() for raw in seams(model)]
+AT_SEAMS = [(key, raw) for key in SAMPLE_KEYS for raw in seams(MODELS[key])]
 
 
 @DRIVERS

@@ -15,7 +15,7 @@ import pytest
 
 import servobus
 from faults.rig import ALTERING, DRIVERS, POSITION, FaultRig
-from samples import every_model, goal_range, one_model_of_each_family, sample_of
+from samples import goal_range, one_model_of_each_family, sample_models, sample_of
 from servobus import MODELS, RX28, BusError, PortError
 from servobus.errors import PortLost
 from servobus.virtual.serve.ports import Port, PtyPort, TcpPort
@@ -30,7 +30,7 @@ needs_pty = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo termin
 
 
 @DRIVERS
-@every_model
+@sample_models
 @pytest.mark.parametrize("when", ["gone@read#2:20ms", "gone@write#2:20ms", "gone#2s:20ms"])
 def test_F16_a_port_that_goes_away_raises_at_once(key: str, when: str, driver: str) -> None:
     """While reading, while writing or while nobody does either: PortLost, no value, no waiting; opened again, all is

@@ -3,14 +3,14 @@
 import pytest
 
 from faults.rig import DRIVERS, FaultRig
-from samples import every_model, minds_overload, models_that
+from samples import minds_overload, models_that, sample_models
 from servobus import NoReply, Refused, Restarted, TorqueOff, deg, dynamixel1, herkulex
 from servobus.virtual.physics.motor import Load
 from unit.lossy import ASYNC, SYNC
 
 
 @DRIVERS
-@every_model
+@sample_models
 @pytest.mark.parametrize("cause", ["heat", "voltage"])
 def test_F12_an_alarm_shows_at_its_joint_and_latches(key: str, cause: str, driver: str) -> None:
     """Heat or a bad supply at one servo: its flag stands beside the values of that servo alone, stays latched when it
@@ -102,7 +102,7 @@ def test_F13_after_an_overload_nothing_jumps(key: str, driver: str) -> None:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_F14_a_brownout_is_found_out_and_the_joint_stays_still(key: str, driver: str) -> None:
     """A servo that restarts in the middle of a run: `verify` raises Restarted, moves are refused until the torque is
     switched on anew, and the others go on."""
@@ -128,7 +128,7 @@ def test_F14_a_brownout_is_found_out_and_the_joint_stays_still(key: str, driver:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_F15_a_cut_chain_loses_only_what_is_behind_the_cut(key: str, driver: str) -> None:
     """Servos 3 to 5 are off for a while: NoReply for these alone, all others right; plugged in again, all are."""
     rig = FaultRig(key, driver, ids="1-5")
@@ -149,7 +149,7 @@ def test_F15_a_cut_chain_loses_only_what_is_behind_the_cut(key: str, driver: str
 
 
 @pytest.mark.parametrize("driver", [SYNC, ASYNC])
-@every_model
+@sample_models
 def test_F15_one_servo_unplugged_and_plugged_again(key: str, driver: str) -> None:
     """One servo of five is off for 40 requests: it alone is silent, and answers again when it is back."""
     rig = FaultRig(key, driver, ids="1-5", options="&boot_time=off")

@@ -4,15 +4,16 @@ import pytest
 
 from faults.rig import DRIVERS, POSITION, FaultRig
 from samples import (
+    SAMPLE_KEYS,
     answer_levels,
     can_change_baud,
-    every_model,
     factory_bauds,
     goal_range,
     keys_that,
     models_that,
     one_model_of_each_family,
     other_bauds,
+    sample_models,
     steady,
     unusual_baud,
 )
@@ -80,7 +81,7 @@ def test_F7_a_reply_that_others_overtake_is_told_and_then_waited_for(key: str, l
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_F8_silence(key: str, driver: str) -> None:
     """A servo that says nothing: NoReply, after two tries."""
     rig = FaultRig(key, driver)
@@ -91,7 +92,7 @@ def test_F8_silence(key: str, driver: str) -> None:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_F8_a_stranger_answers(key: str, driver: str) -> None:
     """An answer from another id: WrongReply, which names it; asked again if it was only one."""
     rig = FaultRig(key, driver)
@@ -104,7 +105,7 @@ def test_F8_a_stranger_answers(key: str, driver: str) -> None:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_F8_two_answers_one_behind_the_other(key: str, driver: str) -> None:
     """A second servo with the id answers behind the first: told with the next exchange, and only with that."""
     rig = FaultRig(key, driver)
@@ -120,7 +121,7 @@ def test_F8_two_answers_one_behind_the_other(key: str, driver: str) -> None:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_F8_two_servos_with_one_id_are_said_to_be(key: str, driver: str) -> None:
     """Two servos of one id stand apart and answer over each other: no value, and the scan asks whether there are
     two."""
@@ -202,7 +203,7 @@ def test_F9_two_speeds_on_one_bus(driver: str) -> None:
     assert rig.verdicts == ["right"] * 20
 
 
-ANSWERED = [(key, level) for key, model in MODELS.items() for level in answer_levels(model)]
+ANSWERED = [(key, level) for key in SAMPLE_KEYS for level in answer_levels(MODELS[key])]
 
 
 @DRIVERS

@@ -10,7 +10,7 @@ import pytest
 from golden.golden import Case, load
 from servobus.core.framing import Packet
 from servobus.families.herkulex import protocol as herkulex
-from servobus.families.herkulex.models.drs0602 import DRS0602
+from servobus.families.herkulex.models.magnetic import DRS0602
 from servobus.families.herkulex.places import Eep, EepRam, Ram
 from servobus.families.herkulex.protocol import (
     ACK,

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import servobus
 from servobus.core.registers import Access, Register
-from servobus.families.herkulex.models.drs0602 import DRS0602
+from servobus.families.herkulex.models.magnetic import DRS0602
 from servobus.families.herkulex.places import EEP, RAM, Eep, EepRam, Ram
 from servobus.families.herkulex.protocol import Aux, eep_read, ram_read
 from servobus.virtual.serve.inprocess import VirtualPort

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import servobus
 from servobus.core.registers import Access, Area, Register
 from servobus.errors import BadValue
-from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.families.lewansoul.models.lx import LX16A
 from servobus.virtual.serve.inprocess import VirtualPort
 
 WRITABLE = [row for row in LX16A.registers.values() if row.access is Access.READ_WRITE]

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import servobus
-from samples import every_model, has, minds_overload, models_that, sample_of, turning
+from samples import can_turn, has, minds_overload, models_that, sample_models, sample_of, turning
 from servobus import (
     DRS0602,
     LX16A,
@@ -71,7 +71,7 @@ def test_S1_torque_outside_the_limits_is_refused_and_comes_in_slowly_when_told(g
     assert servo.read(RX28.moving_speed) == 0.0  # what it came in with does not stay
 
 
-@every_model
+@sample_models
 def test_S1_torque_on_of_a_servo_that_is_limp_moves_nothing(key: str) -> None:
     servo, real, port = servo_of(key)
     real.turn_shaft(real.position + 40 * deg)
@@ -110,7 +110,7 @@ def test_S1_torque_on_moves_no_herkulex_that_kept_its_goal(verb: str) -> None:
     assert real.position > 80 * deg
 
 
-@every_model
+@models_that(can_turn)
 @READINGS
 def test_S1_a_lost_request_before_torque_on_leaves_no_old_goal(key: str, goal_torque: bool) -> None:
     for lost in range(1, 13):
@@ -134,7 +134,7 @@ def test_S1_a_lost_request_before_torque_on_leaves_no_old_goal(key: str, goal_to
             assert still(port, real, 0.5), (lost, call)
 
 
-@every_model
+@sample_models
 def test_N7_torque_that_is_written_off_is_off_though_the_write_was_lost(key: str) -> None:
     servo, real, port = servo_of(key)
     if has(servo.model, "answer_level"):
@@ -160,7 +160,7 @@ def test_S2_a_brake_that_was_lost_is_told_again() -> None:
 # S3: a written register moves
 
 
-@every_model
+@sample_models
 def test_S3_a_goal_is_not_written_to_a_limp_servo(key: str) -> None:
     servo, real, port = servo_of(key)
     row = servo.model.register("goal_position")
@@ -229,9 +229,10 @@ def test_S4_a_servo_that_has_shut_down_says_so_and_names_rearm(key: str) -> None
     port.sleep(0.5)
     assert "shut down (" in str(servo.look())
     assert not servo.state.torque
-    for call in (
-        servo.torque_on, lambda: servo.move(servo.state.position), lambda: servo.turn(**turning(servo.model)),
-    ):  # fmt: skip
+    calls = [servo.torque_on, lambda: servo.move(servo.state.position)]
+    if servo.model.turns:
+        calls.append(lambda: servo.turn(**turning(servo.model)))
+    for call in calls:
         with pytest.raises(TorqueOff, match=r"has shut down .*rearm"):
             call()
     assert still(port, real)
@@ -252,7 +253,7 @@ def test_N10_a_torque_limit_given_back_is_no_way_round_rearm() -> None:
     assert still(port, real)
 
 
-@every_model
+@sample_models
 def test_N3_one_that_is_too_hot_is_not_moved_then_or_later(key: str) -> None:
     servo, real, port = servo_of(key)
     real.temperature = 110.0
@@ -344,6 +345,23 @@ def test_T11_a_move_leaves_no_speed_behind(key: str) -> None:
     assert servo.read(name) == before
 
 
+@pytest.mark.parametrize("way", ["stop", "stop all", "cancel", "make safe"])
+@pytest.mark.parametrize("key", ["rx28", "lx16a"])
+def test_T11_a_move_that_is_stopped_leaves_no_speed_behind(key: str, way: str) -> None:
+    servo, real, port = servo_of(key)
+    bus = servo._bus
+    name = "moving_speed" if key == "rx28" else "goal_time"
+    before = servo.read(name)
+    servo.torque_on()
+    move = servo.move(servo.look().position + 40 * deg, time=3.0)
+    port.sleep(0.5)
+    assert servo.read(name) != before
+    {"stop": servo.stop, "stop all": bus.stop, "cancel": move.cancel, "make safe": bus.make_safe}[way]()
+    port.sleep(0.3)
+    assert still(port, real)
+    assert servo.read(name) == before
+
+
 def test_T11_a_cycle_after_a_slow_move_follows() -> None:
     servo, real, port = servo_of("rx28")
     servo.torque_on()
@@ -357,7 +375,7 @@ def test_T11_a_cycle_after_a_slow_move_follows() -> None:
 # Failed moves
 
 
-@every_model
+@sample_models
 def test_N3_a_move_that_fails_leaves_the_present_position_as_the_goal(key: str) -> None:
     servo, real, port = servo_of(key)
     servo.torque_on()
@@ -370,7 +388,7 @@ def test_N3_a_move_that_fails_leaves_the_present_position_as_the_goal(key: str) 
     assert still(port, real)
 
 
-@every_model
+@sample_models
 def test_a_line_that_fails_on_the_way_tells_who_may_go_on(key: str) -> None:
     servo, _, port = servo_of(key)
     servo.torque_on()
@@ -383,7 +401,7 @@ def test_a_line_that_fails_on_the_way_tells_who_may_go_on(key: str) -> None:
 # M8: the handle
 
 
-@every_model
+@sample_models
 def test_M8_a_move_says_what_it_is_and_whether_it_is_done(key: str) -> None:
     servo, real, port = servo_of(key)
     servo.torque_on()

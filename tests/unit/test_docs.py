@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -93,6 +94,7 @@ def test_a_stale_page_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     generate = generator()
+    monkeypatch.setattr(generate, "imports", cache(generate.imports))  # all files of the package are read for it
     monkeypatch.setattr(generate, "PAGES", tmp_path)
     monkeypatch.setattr(generate, "ARCHITECTURE", tmp_path / "architecture.md")
     rooms = (DOCS / "architecture.md").read_text(encoding="utf-8")
@@ -122,7 +124,7 @@ def decided() -> list[str]:
 
 
 def test_decisions_are_numbered_without_gaps() -> None:
-    last = {"EH": 47, "ED": 38, "EL": 26}
+    last = {"EH": 66, "ED": 56, "EL": 35}
     assert decided() == [f"{kind}-{number:02}" for kind in last for number in range(1, last[kind] + 1)]
 
 

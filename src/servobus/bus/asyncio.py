@@ -9,20 +9,22 @@ async with servobus.open_async("/dev/ttyUSB0") as bus:
 """
 
 import asyncio
-import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import asynccontextmanager, suppress
+from concurrent.futures import Future
+from contextlib import asynccontextmanager
 from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from servobus.bus.base import POSITION_SPEED_LOAD, BaseBus, ReconnectReport
+from servobus.bus.base import POSITION_SPEED_LOAD, BaseBus
+from servobus.bus.beside_loop import Done, awaited, begin_in_thread, running_loop, to_its_end
+from servobus.bus.loop_reader import LoopReader
+from servobus.bus.reconnect import ReconnectReport, reunite
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Exchange, Job
 from servobus.core.operation import Awaiting, Priority
 from servobus.core.registers import Register
-from servobus.errors import PortError, UsageError
+from servobus.errors import UsageError
 from servobus.families.base import KnownServo
 from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
@@ -130,18 +132,13 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
     """Servos on one port, for asyncio. Opening it asks nothing and moves nothing."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
-        self._waiter: asyncio.Future[bytes] | None = None
-        """The task that waits for bytes."""
-        self._listening: tuple[asyncio.AbstractEventLoop, int] | None = None
-        """The loop that tells when the port's descriptor is readable."""
-        self._reader: ThreadPoolExecutor | None = None
-        """The thread that reads a port without a descriptor."""
         self._stopping: Future[Any] | None = None
         """The stop that was begun last, beside the loop: the port stays open until it is over."""
-        self._read_under_way: asyncio.Future[None] | None = None
         super().__init__(*args, **kwargs)
+        self._reader = self._new_reader()
 
     async def __aenter__(self) -> Self:
+        self._check_open()
         return self
 
     async def __aexit__(
@@ -150,34 +147,32 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         try:
             if error is not None and crashed(error):
                 ended = self._beside_the_loop(partial(self.safety.end, safe=True))
-                for text in await _to_its_end(ended):
+                for text in await to_its_end(ended):
                     error.add_note(text)
             if self._stopping is not None:
                 # A second cancellation must not end it halfway.
-                await _to_its_end(_awaited(self._stopping, asyncio.get_running_loop()))
+                await to_its_end(awaited(self._stopping, asyncio.get_running_loop()))
         finally:
             self.close()
 
     def close(self) -> None:
-        """Give the port back. Torque stays as it is."""
+        """Give the port back. Torque stays as it is. Waiting for a move in another task ends with PortError."""
         self.safety.end(safe=False)
-        self._stop_listening()
-        if self._reader is not None:
-            self._reader.shutdown(wait=False)
+        self._reader.close()
         self.transport.close()
 
     async def reopen(self) -> ReconnectReport[AsyncBusServo]:
-        """Open the port again after it was lost, and see who is there; see `Bus.reopen`."""
+        """Open the port again after it was lost, and see which servos are there; see `Bus.reopen`."""
         turn = turn_for(Priority.MOTION)
         try:
             await self.line.acquire_async(turn)
-            self._stop_listening()  # what is opened may get the same descriptor
+            self._reader.close()  # what is opened may get the same descriptor
             # A thread that opens a port cannot be stopped, and nothing may use the line meanwhile.
-            await _to_its_end(asyncio.ensure_future(self._reopen_port()))
+            await to_its_end(asyncio.ensure_future(self._reopen_port()))
         finally:
             self.line.end(turn)
-        report = await self.do(self._reunited())
-        await _to_its_end(self._beside_the_loop(self.safety.after_reopen))
+        report = await self.do(reunite(self))
+        await to_its_end(self._beside_the_loop(self.safety.after_reopen))
         return report
 
     async def _reopen_port(self) -> None:
@@ -186,6 +181,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         else:
             self.transport.reopen()
         self._port = self._shared(self.transport)
+        self._reader = self._new_reader()
         self._reopened()
 
     def make_safe(self, action: SafeAction | None = None, *, interrupt: bool = False) -> Awaitable[None]:
@@ -210,7 +206,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
             if not (window := link.try_fast_send(job)):
                 return await self._wait(link, link.transact(job), turn)
             try:
-                heard = await self._read(window)
+                heard = await self._reader.read(window)
             except BaseException:
                 link.abandon()
                 raise
@@ -256,7 +252,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
             yield self
         except BaseException as error:
             with self.safety.letting_go(error):
-                await _to_its_end(asyncio.ensure_future(self._let_go(driven, taken, error)))
+                await to_its_end(asyncio.ensure_future(self._let_go(driven, taken, error)))
             raise
         await self.torque_off(taken)
 
@@ -276,7 +272,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
 
     def _firm(self) -> float:
         """Give how long a stop waits for what it has interrupted: not at all in the loop, which it would hold up."""
-        return 0.0 if _running_loop() is not None else super()._firm()
+        return 0.0 if running_loop() is not None else super()._firm()
 
     async def _wait(self, link: Link, waits: Waits[T], turn: Turn) -> T:
         """Wait as asked until the job is done; as `run_blocking`, without holding the event loop."""
@@ -285,7 +281,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
             wait = next(waits)
             while True:
                 if isinstance(wait, Receive):
-                    heard = await self._read(wait.seconds)
+                    heard = await self._reader.read(wait.seconds)
                 elif wait.shared:
                     self.line.give_way(turn)
                     await self._pause(wait.seconds)
@@ -301,74 +297,6 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         finally:
             waits.close()
 
-    # Waiting, the asynchronous way
-
-    async def _read(self, timeout: float) -> bytes:  # noqa: ASYNC109 - the transport's clock
-        transport = self.transport
-        if not transport.blocking():
-            return transport.read(timeout)
-        fd = transport.fileno()
-        if fd is None:
-            return await self._read_in_thread(timeout)
-        loop = asyncio.get_running_loop()
-        if self._listening != (loop, fd):
-            loop.add_reader(fd, self._readable, loop, fd)
-            self._listening = loop, fd
-        waiter: asyncio.Future[bytes] = loop.create_future()
-        self._waiter = waiter
-        timer = loop.call_later(timeout, _end, waiter)
-        try:
-            return await waiter
-        finally:
-            timer.cancel()
-            self._waiter = None
-
-    async def _read_in_thread(self, timeout: float) -> bytes:  # noqa: ASYNC109 - the transport's clock
-        """Wait for what the one thread hears that reads. If this task is cancelled, the next finds it."""
-        port = self._port
-        assert isinstance(port, SharedReader)
-        loop = asyncio.get_running_loop()
-        end = loop.time() + timeout
-        while not (heard := port.take()):
-            left = max(end - loop.time(), 0.0)
-            reading = self._read_under_way
-            if reading is None or reading.get_loop() is not loop:
-                if self._reader is None:
-                    self._reader = ThreadPoolExecutor(1, "servobus reader")
-                reading = self._read_under_way = loop.run_in_executor(self._reader, port.fill, left)
-            done, _ = await asyncio.wait({reading}, timeout=left)
-            if done:
-                self._read_under_way = None
-                reading.result()
-            if loop.time() >= end:
-                return port.take()
-        return heard
-
-    def _stop_listening(self) -> None:
-        if self._listening is not None:
-            loop, fd = self._listening
-            self._listening = None
-            if not loop.is_closed():
-                loop.remove_reader(fd)
-
-    def _readable(self, loop: asyncio.AbstractEventLoop, fd: int) -> None:
-        """Give bytes to the task that waits for them. If none does, stop listening: the loop would turn and turn.
-
-        While a thread has the line, it reads by itself, to make the servos safe: what comes is for that thread, not for
-        the task it interrupted. A task that stops a servo holds the line as any other task does.
-        """
-        waiter, holder = self._waiter, self.line.holder
-        if waiter is None or waiter.done() or (holder is not None and holder.thread):
-            loop.remove_reader(fd)
-            self._listening = None
-            if waiter is not None:
-                _end(waiter)
-            return
-        try:
-            waiter.set_result(self.transport.read(0))
-        except PortError as error:
-            waiter.set_exception(error)
-
     async def _pause(self, seconds: float) -> None:
         if not self.transport.blocking():
             self.transport.sleep(seconds)
@@ -380,77 +308,16 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
 
         Without a loop in this thread, or on a virtual clock, which only its caller can let go on, it is done at once.
         """
-        loop = _running_loop()
+        loop = running_loop()
         if loop is None or not self.transport.blocking():
-            return _Done(work())
-        job: Future[T] = Future()
+            return Done(work())
+        self._stopping = begin_in_thread(work)
+        return awaited(self._stopping, loop)
 
-        def run() -> None:
-            try:
-                job.set_result(work())
-            except BaseException as error:  # noqa: BLE001 - it is raised where the work is waited for
-                job.set_exception(error)
+    def _new_reader(self) -> LoopReader:
+        def thread_has_line() -> bool:
+            """Tell whether a thread beside the loop uses the line: a stop that makes the servos safe."""
+            holder = self.line.holder
+            return holder is not None and holder.thread != 0
 
-        threading.Thread(target=run, name="servobus stop").start()
-        self._stopping = job
-        return _awaited(job, loop)
-
-
-class _Done(Awaitable[T]):
-    """An awaitable of something that is done already."""
-
-    def __init__(self, result: T) -> None:
-        self._result = result
-
-    def __await__(self) -> Generator[Any, None, T]:
-        yield from ()
-        return self._result
-
-
-def _awaited(job: Future[T], loop: asyncio.AbstractEventLoop) -> asyncio.Future[T]:
-    """Give what a loop can wait for of a job in another thread; the job goes on whatever becomes of the loop."""
-    done: asyncio.Future[T] = loop.create_future()
-
-    def tell() -> None:
-        if done.done():
-            return
-        error = job.exception()
-        if error is not None:
-            done.set_exception(error)
-        else:
-            done.set_result(job.result())
-
-    def told(_: Future[T]) -> None:
-        with suppress(RuntimeError):  # the loop may be closed by now
-            loop.call_soon_threadsafe(tell)
-
-    job.add_done_callback(told)
-    return done
-
-
-async def _to_its_end(work: Awaitable[T]) -> T:
-    """Wait for work that must be finished: a cancellation is raised when it is."""
-    if not isinstance(work, asyncio.Future):
-        return await work
-    cancelled: asyncio.CancelledError | None = None
-    while not work.done():
-        try:
-            await asyncio.wait({work})
-        except asyncio.CancelledError as error:
-            cancelled = error
-    if cancelled is not None:
-        raise cancelled
-    done: T = work.result()
-    return done
-
-
-def _running_loop() -> asyncio.AbstractEventLoop | None:
-    try:
-        return asyncio.get_running_loop()
-    except RuntimeError:
-        return None
-
-
-def _end(waiter: asyncio.Future[bytes]) -> None:
-    if not waiter.done():
-        waiter.set_result(b"")
+        return LoopReader(self._port, thread_has_line)

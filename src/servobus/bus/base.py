@@ -7,34 +7,28 @@ from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from servobus.bus.by_servo import ByServo, Readings, name, pick
+from servobus.bus import several
+from servobus.bus.by_servo import ByServo, Readings, pick
 from servobus.bus.known_servos import KnownServos
+from servobus.bus.protection import Protection
 from servobus.bus.servo import Servo
 from servobus.core.arguments import check_bauds, check_mapping, one_or_several
 from servobus.core.closed import Closed
-from servobus.core.exchange import Batch, Exchange, Procedure, SetBaud
+from servobus.core.exchange import Exchange, Procedure
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import LAST_ID, check_id, check_ids
 from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register, register_name
 from servobus.errors import (
-    BusError,
-    MotionError,
-    Restarted,
-    ServobusError,
-    StopFailed,
-    Stopped,
-    UnknownName,
     UsageError,
 )
 from servobus.families import registry
 from servobus.families.base import Answers, Family, KnownServo, Model, StopOutcome
 from servobus.families.record import SafeAction
-from servobus.jobs.look import verify
-from servobus.jobs.make_safe import stop, stop_all
-from servobus.jobs.move import PlannedMove, cancel, has_ended, plan, require_torque, start_move, wait_arrival
+from servobus.jobs.make_safe import let_go
+from servobus.jobs.move import PlannedMove, cancel, has_ended, plan, plan_and_start, start_move, wait_arrival
 from servobus.jobs.scan import (
     FoundServo,
     Models,
@@ -54,7 +48,7 @@ from servobus.safety.watchdog import Watchdog
 from servobus.transports.base import Transport
 
 if TYPE_CHECKING:
-    from servobus.safety.overload import Level, OverloadMonitor, Thresholds
+    from servobus.safety.overload import Level, Thresholds
 
 S = TypeVar("S", bound=Servo)
 
@@ -65,39 +59,6 @@ TAKEOVER_TIMEOUT = 0.4
 
 POSITION_SPEED_LOAD = ("present_position", "present_speed", "present_load")
 """What a control cycle reads if nothing is said."""
-
-
-Presence: TypeAlias = Literal["present", "restarted", "missing"]
-
-
-class ReconnectReport(ByServo[S, Presence]):
-    """What became of each servo while the port was lost: "present", "restarted" (it lost its RAM) or "missing".
-
-    Can be asked by servo, or by id where that is unique.
-    """
-
-    @property
-    def present(self) -> tuple[S, ...]:
-        """Those that answer, the restarted ones among them."""
-        return tuple(servo for servo, presence in self.items() if presence != "missing")
-
-    @property
-    def restarted(self) -> tuple[S, ...]:
-        """Those that answer and lost what was set in their RAM."""
-        return tuple(servo for servo, presence in self.items() if presence == "restarted")
-
-    @property
-    def missing(self) -> tuple[S, ...]:
-        """Those that do not answer."""
-        return tuple(servo for servo, presence in self.items() if presence == "missing")
-
-    def __repr__(self) -> str:
-        def said(servos: tuple[S, ...]) -> str:
-            labels = [str(servo.id) if self._unique() else name(servo) for servo in servos]
-            return f"({', '.join(labels)}{',' if len(labels) == 1 else ''})"
-
-        present, missing, restarted = said(self.present), said(self.missing), said(self.restarted)
-        return f"ReconnectReport(present={present}, missing={missing}, restarted={restarted})"
 
 
 class BaseBus(Closed, Generic[S]):
@@ -130,9 +91,7 @@ class BaseBus(Closed, Generic[S]):
         self.bauds = bauds
         self.survey = ScanResult()
         """What the last scan saw, what made no sense included."""
-        self._monitors: dict[S, OverloadMonitor] = {}
-        self._thresholds: Thresholds | None = None
-        """Those that `protect` was given last."""
+        self._protection: Protection[S] = Protection()
         self._close()
 
     @property
@@ -227,7 +186,7 @@ class BaseBus(Closed, Generic[S]):
         """
         gone = self[servo]
         self._servos.forget(gone)
-        self._monitors.pop(gone, None)
+        self._protection.forget(gone)
 
     # Finding servos
 
@@ -300,24 +259,12 @@ class BaseBus(Closed, Generic[S]):
     ) -> Procedure[Readings[S, Any]]:
         """Read one register of these servos (by default of all), by the name or alias that their models share.
 
-        Gives servo -> value of those that answered, which can be asked by id where that is unique; `lost` of it tells
-        of the others: servo -> error. A register of one of the models stands for its name. Raises UnknownName for a
-        model that has none of it, and the first error if no servo could be read.
+        Servos whose models answer such are read by one request (BULK_READ of the MX series), others several at once
+        where the line allows. Gives servo -> value of those that answered, which can be asked by id where that is
+        unique; `lost` of it tells of the others: servo -> error. A register of one of the models stands for its name.
+        Raises UnknownName for a model that has none of it, and the first error if no servo could be read.
         """
-        name = register_name(register)
-        rows = {servo: servo.model.register(name) for servo in self._chosen(servos)}
-        values: dict[S, Any] = {}
-        lost: dict[S, ServobusError] = {}
-        for servo, row in rows.items():
-            yield SetBaud(servo.baud)
-            try:
-                (raw,) = yield from servo.family.read(servo.target, [row])
-                values[servo] = row.decode(raw, servo.target)
-            except (BusError, UsageError) as error:
-                lost[servo] = error
-        if lost and not values:
-            raise next(iter(lost.values()))
-        return Readings(values, lost)
+        return (yield from several.read(self._chosen(servos), register_name(register)))
 
     @bus_method
     def plan_move(
@@ -338,10 +285,7 @@ class BaseBus(Closed, Generic[S]):
         self, goals: Mapping[Any, float], *, time: float | None = None, speed: float | None = None
     ) -> Procedure[PlannedMove]:
         """Plan a move, make sure that all servos have torque, and start it; see `move`."""
-        planned = yield from plan(self._goals(goals), time=time, speed=speed)
-        require_torque(planned)
-        yield from start_move(planned)
-        return planned
+        return (yield from plan_and_start(self._goals(goals), time=time, speed=speed))
 
     @bus_method
     def wait_arrival(self, move: PlannedMove, timeout: float | None = None) -> Procedure[None]:
@@ -377,31 +321,15 @@ class BaseBus(Closed, Generic[S]):
         See `Servo.torque_on`. Where one fails the others have their turn all the same; then the first failure is
         raised.
         """
-        first: BusError | MotionError | None = None
-        for servo in self._chosen(servos):
-            yield SetBaud(servo.baud)
-            try:
-                yield from torque_on(servo.target, to_limit=to_limit, speed=speed)
-            except (BusError, MotionError) as error:
-                if isinstance(error, Stopped):
-                    raise
-                first = first or error
-        if first is not None:
-            raise first
+        yield from several.each(
+            self._chosen(servos), lambda servo: torque_on(servo.target, to_limit=to_limit, speed=speed)
+        )
 
     @bus_method
     @urgent(Priority.MOTION)
     def _take_hold(self, servos: Sequence[S], taken: list[S]) -> Procedure[None]:
         """Switch the torque of these servos on, as `torque_on`; those that had it off are put into `taken`."""
-        for servo in servos:
-            yield SetBaud(servo.baud)
-            on = False
-            if servo.target.answers is not Answers.NOTHING:
-                on = (yield from servo.family.motion_status(servo.target)).torque
-            servo.permit.mark_moving()
-            if not on:
-                taken.append(servo)
-            yield from servo.family.torque(servo.target, on=True)
+        return several.take_hold(servos, taken)
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -410,19 +338,7 @@ class BaseBus(Closed, Generic[S]):
 
         Raises StopFailed.
         """
-        failures: dict[S, Exception] = {}
-        for servo in servos:
-            yield SetBaud(servo.baud)
-            try:
-                if servo in taken:
-                    yield from servo.family.let_go(servo.target)
-                    servo.permit.mark_idle()
-                elif servo.permit.driven:
-                    yield from stop(servo.target)
-            except BusError as error:
-                failures[servo] = error
-        if failures:
-            raise _stop_failed(failures, {})
+        return several.leave(servos, taken)
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -431,16 +347,7 @@ class BaseBus(Closed, Generic[S]):
 
         Then it raises the first failure.
         """
-        first: BusError | None = None
-        for servo in self._chosen(servos):
-            yield SetBaud(servo.baud)
-            try:
-                yield from servo.family.let_go(servo.target)
-                servo.permit.mark_idle()
-            except BusError as error:
-                first = first or error
-        if first is not None:
-            raise first
+        yield from several.each(self._chosen(servos), lambda servo: let_go(servo.target))
 
     @bus_method
     @urgent(Priority.STOP)
@@ -450,23 +357,7 @@ class BaseBus(Closed, Generic[S]):
         Gives what was done with each. An id stands for all known servos that have it. Raises StopFailed, after all had
         their turn, if some may still move or are not known here.
         """
-        wanted: dict[S, None] = {}
-        failures: dict[Any, Exception] = {}
-        for key in self if servos is None else servos if isinstance(servos, Iterable) else (servos,):
-            meant = [servo for servo in self if servo is key or servo.id == key]
-            wanted |= dict.fromkeys(meant)
-            if not meant:
-                failures[key] = UnknownName("no servo with this id is known here, so none was stopped")
-        outcomes = yield from stop_all([servo.target for servo in wanted])
-        done: dict[S, StopOutcome] = {}
-        for servo, outcome in zip(wanted, outcomes.values(), strict=True):
-            if isinstance(outcome, StopOutcome):
-                done[servo] = outcome
-            else:
-                failures[servo] = outcome
-        if failures:
-            raise _stop_failed(failures, ByServo(done))
-        return ByServo(done)
+        return several.stop(self, self if servos is None else servos)
 
     @bus_method
     def protect(self, thresholds: "Thresholds | None" = None) -> "Procedure[ByServo[S, Level]]":
@@ -480,28 +371,7 @@ class BaseBus(Closed, Generic[S]):
         else, and BadValue for bounds that make no sense. One that does not answer, or cannot be read, raises NoReply or
         UsageError after all others had their turn.
         """
-        from servobus.safety.overload import OverloadMonitor, Thresholds  # noqa: PLC0415 - only some programs need it
-
-        given: object = thresholds
-        if given is not None:
-            if not isinstance(given, Thresholds):
-                raise UsageError(f"protect() takes Thresholds(warn=...), or nothing, not {given!r:.60}")
-            self._thresholds = given.check()
-        bounds = self._thresholds or Thresholds()
-        levels: dict[S, Level] = {}
-        first: BusError | UsageError | None = None
-        for servo in self:
-            yield SetBaud(servo.baud)
-            try:
-                if servo not in self._monitors:
-                    self._monitors[servo] = yield from OverloadMonitor.of(servo.target, bounds)
-                self._monitors[servo].thresholds = bounds
-                levels[servo] = yield from self._monitors[servo].look(servo.target)
-            except (BusError, UsageError) as error:
-                first = first or error
-        if first is not None:
-            raise first
-        return ByServo(levels)
+        return self._protection.look(self._servos, thresholds)
 
     # Helpers
 
@@ -524,30 +394,6 @@ class BaseBus(Closed, Generic[S]):
             raise UsageError("one of the servos is given two goals, by itself and by its id")
         return {servos[key].target: goal for key, goal in goals.items()}
 
-    def _reunited(self) -> Procedure[ReconnectReport[S]]:
-        """Find out which of the known servos are there, and which of them have restarted."""
-        present: list[S] = []
-        for group in self._groups():
-            yield SetBaud(group[0].baud)
-            answers = yield Batch([servo.family.ping(servo.id) for servo in group])
-            present += [servo for servo, answer in zip(group, answers, strict=True) if answer is None]
-        restarted: list[S] = []
-        for servo in list(present):
-            if servo.target.answers is Answers.NOTHING:
-                continue  # it cannot be read
-            yield SetBaud(servo.baud)
-            try:
-                yield from verify(servo.target)
-            except Restarted:
-                servo.state = None
-                restarted.append(servo)
-            except BusError:
-                present.remove(servo)  # it answered, and then no more
-        presences: dict[S, Presence] = {
-            servo: "restarted" if servo in restarted else "present" if servo in present else "missing" for servo in self
-        }
-        return ReconnectReport(presences)
-
     @abstractmethod
     def _bind(self, target: KnownServo, firmware: str) -> S:
         """Make this driver's own kind of servo."""
@@ -557,13 +403,6 @@ class BaseBus(Closed, Generic[S]):
         if servos is None:
             return list(self)
         return [self[servo] for servo in one_or_several(servos, lambda thing: isinstance(thing, Servo))]
-
-    def _groups(self) -> list[list[S]]:
-        """Sort servos by family and speed: one packet drives servos of one kind."""
-        groups: dict[tuple[str, int], list[S]] = {}
-        for servo in self:
-            groups.setdefault((servo.family.name, servo.baud), []).append(servo)
-        return list(groups.values())
 
     def _families(self, family: Family | str | None) -> list[Family]:
         if family is None:
@@ -610,6 +449,11 @@ class BaseBus(Closed, Generic[S]):
         """Give how long a stop waits, in s, for a job that it has interrupted."""
         return TAKEOVER_TIMEOUT
 
+    def _check_open(self) -> None:
+        """Raise UsageError on a bus that was closed: a `with` block would begin without a port."""
+        if self.safety.closed:
+            raise UsageError(f"{self.transport.name} is closed; open it anew, or call reopen() first")
+
     def _new_link(self, stats: Stats | None = None) -> Link:
         return Link(
             self._port,
@@ -641,10 +485,3 @@ class BaseBus(Closed, Generic[S]):
         for servo in self._servos:
             if servo.id == packet.id and servo.baud == baud and servo.family.framing is exchange.framing:
                 self._servos.note_alarms(servo, exchange.alarms(packet))
-
-
-def _stop_failed(failures: Mapping[Any, Exception], stopped: Mapping[Any, StopOutcome]) -> StopFailed:
-    """Give the error for servos, or ids that no known servo has, that may still move."""
-    names = {key: str(key.target) if isinstance(key, Servo) else f"id {key}" for key in failures}
-    said = "; ".join(f"{names[key]} may still move: {why}" for key, why in failures.items())
-    return StopFailed(said, failures, stopped)

@@ -13,7 +13,8 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from servobus.bus.base import POSITION_SPEED_LOAD, BaseBus, ReconnectReport
+from servobus.bus.base import POSITION_SPEED_LOAD, BaseBus
+from servobus.bus.reconnect import ReconnectReport, reunite
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Exchange, Job
 from servobus.core.operation import Blocking, Priority
@@ -106,6 +107,7 @@ class Bus(Blocking, BaseBus[BusServo]):
     """Servos on one port. Opening it asks nothing and moves nothing. May be shared between threads."""
 
     def __enter__(self) -> Self:
+        self._check_open()
         return self
 
     def __exit__(
@@ -119,12 +121,12 @@ class Bus(Blocking, BaseBus[BusServo]):
             self.close()
 
     def close(self) -> None:
-        """Give the port back. Torque stays as it is."""
+        """Give the port back. Torque stays as it is. Waiting for a move in another thread ends with PortError."""
         self.safety.end(safe=False)
         self.transport.close()
 
     def reopen(self) -> ReconnectReport[BusServo]:
-        """Open the port again after it was lost, and see who is there; see `ReconnectReport`.
+        """Open the port again after it was lost, and see which servos are there; see `ReconnectReport`.
 
         A USB adapter is found by its serial number, whatever the port is called now. Servos that lost their RAM, so
         their supply too, are not moved until `torque_on` or `rearm`. Raises PortError if the port is not there.
@@ -134,7 +136,7 @@ class Bus(Blocking, BaseBus[BusServo]):
             self.line.acquire(turn)
             self.transport.reopen()
             self._reopened()
-            report = self.do(self._reunited())
+            report = self.do(reunite(self))
         finally:
             self.line.end(turn)
         self.safety.after_reopen()

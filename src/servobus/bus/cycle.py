@@ -7,7 +7,8 @@
         print(seen[1]["present_position"], seen.lost)
 
 Whatever does not change is made once: the questions, and where each value stands in the answers. Goals go out grouped,
-and servos are read in blocks, several under way at once where the line allows.
+and servos are read in blocks: by one request where their models answer such (BULK_READ of the MX series), else several
+under way at once where the line allows.
 
 A servo that does not answer is told in `lost`, and the others go on. It is asked again in the next cycle; if it is
 silent then too, one of the silent is asked each RETRY, for silence costs time that the others need.
@@ -15,13 +16,15 @@ silent then too, one of the silent is asked each RETRY, for silence costs time t
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from itertools import groupby
 from typing import Any, TypeVar
 
 from servobus.bus.by_servo import Readings, name, pick
 from servobus.bus.rate import Rate
 from servobus.bus.servo import Servo
 from servobus.core.arguments import check_mapping, one_or_several
-from servobus.core.exchange import Batch, Exchange, Job, Now, Procedure, SetBaud
+from servobus.core.exchange import Batch, Exchange, Job, Now, Procedure, SetBaud, joined
+from servobus.core.framing import BITS_PER_BYTE
 from servobus.core.operation import Awaiting, Blocking, Priority, bus_method, urgent
 from servobus.core.registers import Register, register_name
 from servobus.core.units import finite, said, show
@@ -30,7 +33,6 @@ from servobus.errors import BadValue, BusError, MotionError, NoReply, UnknownNam
 from servobus.families.base import Family, MotionStatus, Reading, ServoRef
 from servobus.families.motion import check_goal, no_torque
 from servobus.jobs.move import keep_moving, raw_goal
-from servobus.link.line_clock import BITS_PER_BYTE
 from servobus.transports.base import Transport
 
 T = TypeVar("T")
@@ -252,7 +254,13 @@ class Cycle:
                 part.target: part.target.model.register("goal_position").limits[0] for part in group.parts
             }
             goals += group.family.goals(lowest, self.time)
-        return goals + [question for _, _, question in _questions(group.parts)]
+        packets = goals
+        for _, turn in groupby(_questions(group.parts), key=lambda question: question[1]):
+            questions = [question for *_, question in turn]
+            groups = joined(questions)
+            together = [part for one in groups for part in one.parts]
+            packets += [*groups, *(question for question in questions if question not in together)]
+        return packets
 
     # Goals
 

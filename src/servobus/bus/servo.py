@@ -9,15 +9,16 @@ from contextlib import suppress
 from enum import IntFlag
 from typing import Any, TypeVar
 
-from servobus.core.arguments import check_baud, check_mapping, one_or_several
+from servobus.bus.meant_registers import by_row, own_row, own_rows
+from servobus.core.arguments import check_baud
 from servobus.core.closed import Closed
 from servobus.core.exchange import Exchange, Job, Procedure
 from servobus.core.ids import check_id
 from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register
-from servobus.core.units import Flags, finite, said
+from servobus.core.units import Flags
 from servobus.core.values import replace
-from servobus.errors import BadValue, BusError, NotRestored, Restarted, UsageError
+from servobus.errors import BusError, NotRestored, Restarted, UsageError
 from servobus.families.base import (
     Answers,
     Family,
@@ -26,14 +27,13 @@ from servobus.families.base import (
     ServoRef,
     StopOutcome,
     policy_register,
-    require_model,
 )
 from servobus.families.record import MotionPermit, SafeAction, ServoRecord, check_max_step
-from servobus.jobs import reconfigure
+from servobus.jobs import endless_turn, reconfigure
 from servobus.jobs.backup import Backup, backup, restore
 from servobus.jobs.look import Snapshot, identify_at, look, verify
-from servobus.jobs.make_safe import stop
-from servobus.jobs.move import PlannedMove, plan, require_torque, start_move
+from servobus.jobs.make_safe import give_back, let_go, stop
+from servobus.jobs.move import PlannedMove, goal_from_here, plan_and_start
 from servobus.jobs.torque import rearm, torque_on
 from servobus.safety.safe_stop import check_safe_action
 
@@ -183,20 +183,20 @@ class Servo(Closed):
         except TypeError:  # a list, perhaps
             raise UsageError(f"read() reads one register, not {register!r:.60}; read_many() reads several") from None
         if question is None:
-            question = self._questions[register] = self._question(self._own(register))
+            question = self._questions[register] = self.family.question(self.target, own_row(self.model, register))
         return question
 
     @bus_method
     def read_many(self, registers: Iterable[Register[Any] | str] | Register[Any] | str) -> Procedure[dict[str, Any]]:
         """Read several registers in as few exchanges as possible; gives name -> value."""
-        rows = self._several(registers)
+        rows = own_rows(self.model, registers)
         values = yield from self.family.read(self.target, rows)
         return {row.name: row.decode(raw, self.target) for row, raw in zip(rows, values, strict=True)}
 
     @bus_method
     def read_raw(self, registers: Iterable[Register[Any] | str] | Register[Any] | str) -> Procedure[list[int]]:
         """Read several registers as raw integers."""
-        return self.family.read(self.target, self._several(registers))
+        return self.family.read(self.target, own_rows(self.model, registers))
 
     @bus_method
     def write(self, register: Register[T] | str, value: T) -> Procedure[None]:
@@ -208,23 +208,23 @@ class Servo(Closed):
         A register in EEPROM is read first, and written only if it differs; after ten writes within a minute
         EepromWear is raised.
         """
-        row = self._own(register)
+        row = own_row(self.model, register)
         return self._write({row: row.encode(value)})
 
     @bus_method
     def write_many(self, values: Mapping[Any, Any]) -> Procedure[None]:
         """Write several registers in as few exchanges as possible. Raises BadValue before anything is sent."""
-        return self._write({row: row.encode(value) for row, value in self._rows(values).items()})
+        return self._write({row: row.encode(value) for row, value in by_row(self.target, values).items()})
 
     @bus_method
     def write_raw(self, values: Mapping[Any, int]) -> Procedure[None]:
         """Write raw integers. Raises BadValue before anything is sent."""
-        return self._write({row: row.check(raw) for row, raw in self._rows(values).items()})
+        return self._write({row: row.check(raw) for row, raw in by_row(self.target, values).items()})
 
     @bus_method
     def store(self, values: Mapping[Any, Any]) -> Procedure[None]:
         """Write registers so that they survive power-off. Raises BadValue before anything is sent."""
-        return self._write({row: row.encode(value) for row, value in self._rows(values).items()}, keep=True)
+        return self._write({row: row.encode(value) for row, value in by_row(self.target, values).items()}, keep=True)
 
     # Motion
 
@@ -234,10 +234,7 @@ class Servo(Closed):
         self, angle: float, *, time: float | None = None, speed: float | None = None
     ) -> Procedure[PlannedMove]:
         """Start a move and give what is needed to wait for its end; see `move`."""
-        planned = yield from plan({self.target: angle}, time=time, speed=speed)
-        require_torque(planned)
-        yield from start_move(planned)
-        return planned
+        return plan_and_start({self.target: angle}, time=time, speed=speed)
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -245,15 +242,8 @@ class Servo(Closed):
         self, angle: float, *, time: float | None = None, speed: float | None = None
     ) -> Procedure[PlannedMove]:
         """Start a move by an angle in rad from where the servo is, and give what is needed to wait for its end."""
-        way = finite(angle)
-        if way is None:
-            raise BadValue(f"{self.target}: {said(angle)} is not a number; an angle is in radians, such as 5 * deg")
-        row = self.model.register("present_position")
-        (raw,) = yield from self.family.read(self.target, [row])
-        planned = yield from plan({self.target: row.decode(raw, self.target) + way}, time=time, speed=speed)
-        require_torque(planned)
-        yield from start_move(planned)
-        return planned
+        goal = yield from goal_from_here(self.target, angle)
+        return (yield from plan_and_start({self.target: goal}, time=time, speed=speed))
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -270,8 +260,7 @@ class Servo(Closed):
     @urgent(Priority.MOTION)
     def torque_off(self) -> Procedure[None]:
         """Switch the torque off: the shaft turns freely. Raises BusError if nothing shows that it is off."""
-        yield from self.family.let_go(self.target)
-        self.permit.mark_idle()
+        return let_go(self.target)
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -295,41 +284,38 @@ class Servo(Closed):
         is lost or makes no sense, or it refuses. Raises BusError, NoReply among them, only if nothing shows that even
         this has arrived: then it may still move. One whose torque is off already is left so.
         """
-        return stop(self.target)
+        outcome = yield from stop(self.target)
+        if not outcome.let_go:
+            yield from give_back(self.target)
+        return outcome
 
     @bus_method
     @urgent(Priority.MOTION)
-    def turn(self, *, speed: float | None = None, output: float | None = None) -> Procedure[None]:
-        """Turn without end. `speed` in rad/s (HerkuleX) or `output` as a share -1 .. 1 (RX-28, LX-16A).
+    def turn(
+        self, *, speed: float | None = None, output: float | None = None, current: float | None = None
+    ) -> Procedure[None]:
+        """Turn without end: `speed` in rad/s, `output` as a share -1 .. 1, or `current` in A, whichever it controls.
 
-        The torque must be on already. Raises TorqueOff, BadValue or UsageError before anything moves.
+        HerkuleX and Dynamixel MX control the speed, LX, AX, RX and EX servos the output, the DX series does not turn
+        without end. MX-64 and MX-106 control the current too, and push with it against whatever holds the shaft. The
+        torque must be on already. Raises TorqueOff, BadValue or UsageError before anything moves.
         """
-        require_model(self.target, "turn without end")
-        if speed is None and output is None:
-            example = "speed=20 * rpm" if self.model.turns_at_speed() else "output=0.3"
-            raise UsageError(f"{self.target}: say how fast, as in turn({example})")
-        yield from reconfigure.turn(self.target, speed=speed, output=output)
+        return endless_turn.turn(self.target, speed=speed, output=output, current=current)
 
     @bus_method
     @urgent(Priority.MOTION)
-    def position_mode(self, limits: tuple[float, float] | None = None) -> Procedure[None]:
-        """Come back from `turn` and hold the present position: nothing moves.
+    def position_mode(self, limits: tuple[float, float] | None = None, *, multi_turn: bool = False) -> Procedure[None]:
+        """Come back from `turn`, or from several turns to one, and hold the present position: nothing moves.
 
-        An RX-28 turns without end because its angle limits are 0; `limits` (rad) are the ones to set again,
-        the full range by default. RX-28 and LX-16A, which endless turn at speed 0 does not hold, are without torque for
-        a moment. Raises OutsideLimits, before anything is written, if the servo would run to one of these limits.
+        Dynamixel servos turn without end because their angle limits are 0; `limits` (rad) are the ones to set again,
+        the full range by default. With `multi_turn` the goals of an MX servo lie up to seven turns either way from now
+        on. Its angles are counted from multi_turn_offset then, in units that resolution_divider makes larger: with a
+        divider of 2, what reads as 90° are 180° of the shaft. Without `multi_turn` it goes back to one turn.
+
+        Dynamixel and LX servos, which endless turn at speed 0 does not hold, are without torque for a moment. Raises
+        OutsideLimits, before anything is written, if the servo would run to one of these limits.
         """
-        require_model(self.target, "come back from endless turn")
-        raw = None
-        if limits is not None:
-            given: object = limits
-            if not isinstance(given, tuple | list) or len(given) != 2:
-                raise UsageError(f"limits {given!r:.60} are not two angles, as in (20 * deg, 280 * deg)")
-            low, high = (self.model.register(name) for name in ("min_position", "max_position"))
-            raw = low.encode(limits[0]), high.encode(limits[1])
-            if raw[0] >= raw[1]:
-                raise BadValue(f"{self.target}: {low.show(limits[0])} is not below {high.show(limits[1])}")
-        yield from self.family.position_mode(self.target, raw)
+        return endless_turn.position_mode(self.target, limits, multi_turn=multi_turn)
 
     @bus_method
     def led(self, colour: str) -> Procedure[None]:
@@ -354,7 +340,7 @@ class Servo(Closed):
         self.family.check_reset(self.target, keep)
         before = yield from reconfigure.read_settings(self.target)
         was = f"it was id {self.id} at {self.baud} baud before; its settings as they were are in `before` of this error"
-        with reconfigure.told(before, was):
+        with reconfigure.telling_before(before, was):
             end = yield from reconfigure.reset(self.target, keep)
             self._follow(end.id, end.baud)
             self.record.forget()
@@ -456,36 +442,6 @@ class Servo(Closed):
         if not flags:
             return ""
         return Flags(type(flags)).show(flags) if isinstance(flags, IntFlag) else hex(flags)
-
-    def _question(self, register: Register[T]) -> Exchange[T]:
-        """Make the one exchange that reads one register."""
-        reading = self.family.reading(self.target, [register])
-        (exchange,), ((_, part, layout),) = reading.exchanges, reading.places
-        answer, unpack, decode = exchange.interpret, layout.unpacker(), register.decoder(self.target)
-        return exchange.mapped(lambda packet: decode(unpack(answer(packet)[part])))
-
-    def _own(self, register: Register[T] | str) -> Register[T]:
-        if isinstance(register, str):
-            return self.model.register(register)
-        given: object = register
-        if not isinstance(given, Register):
-            example = f"{self.model.__name__}.present_position"
-            raise UsageError(f"{register!r} is no register: give one such as {example}, or its name")
-        return self.model.own(register)
-
-    def _several(self, registers: Iterable[Register[Any] | str] | Register[Any] | str) -> list[Register[Any]]:
-        """Give the rows of several registers, or of one."""
-        return [self._own(register) for register in one_or_several(registers, lambda one: isinstance(one, Register))]
-
-    def _rows(self, values: Mapping[Any, V]) -> dict[Register[Any], V]:
-        """Give values by register. Raises UsageError for one that is given twice, by its name and by an alias."""
-        rows: dict[Register[Any], V] = {}
-        for register, value in check_mapping("values", values, "{RX28.led: True}").items():
-            row = self._own(register)
-            if row in rows:
-                raise UsageError(f"{self.target}: {row.name} is given twice")
-            rows[row] = value
-        return rows
 
     def _no_identity(self, registers: Iterable[Register[Any]]) -> None:
         """Refuse what would lose the servo. Raises UsageError."""

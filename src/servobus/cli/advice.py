@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from servobus import BusServo
-from servobus.cli.options import Where
+from servobus.cli.finding import Where
 from servobus.doctor.findings import command
 
 

@@ -1,15 +1,19 @@
 """`backup` and `restore`: the settings of a servo as a file."""
 
 import shlex
+from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 
 import click
 
 from servobus import BusServo, ServobusError
-from servobus.cli.options import Ids, Where, are_several, find, for_each, on_servo, on_servos_with, open_port, verb
-from servobus.cli.output import note
-from servobus.core.present import value_text
-from servobus.errors import BusError, PortError, UsageError
+from servobus.cli.finding import Where, find, for_each, open_port
+from servobus.cli.options import as_json, on_servo, on_servos_with, verb
+from servobus.cli.output import json_entries, note, print_json, which
+from servobus.cli.values import Ids, are_several
+from servobus.core.present import change_entry, value_text
+from servobus.errors import BusError, NotRestored, PortError, UsageError
 from servobus.jobs.backup import Backup, Comparison, compare, settings
 
 
@@ -23,7 +27,10 @@ from servobus.jobs.backup import Backup, Comparison, compare, settings
 @on_servos_with("files", "[FILE]", needed=False)
 @click.option("-o", "--output", metavar="FILE", help="The same as FILE: where to save it.")
 @click.option("--force", is_flag=True, help="Replace FILE if it exists.")
-def backup(port: str, ids: Ids, where: Where, files: tuple[str, ...], output: str | None, force: bool) -> None:
+@as_json
+def backup(
+    port: str, ids: Ids, where: Where, files: tuple[str, ...], output: str | None, force: bool, json: bool
+) -> None:
     """Save the settings of the servos ID... on PORT that survive power-off, to a FILE each.
 
     Without FILE names like rx28-id1.toml are chosen; `-` prints it. In FILE {id} and {model} stand for those of the
@@ -32,9 +39,12 @@ def backup(port: str, ids: Ids, where: Where, files: tuple[str, ...], output: st
     if len(files) + (output is not None) > 1:
         raise click.UsageError("say one FILE")
     file = output if output is not None else next(iter(files), None)
-    if are_several(ids) and file is not None and "{id}" not in file:
+    several = are_several(ids)
+    if several and file is not None and "{id}" not in file:
         raise click.UsageError(f"{file} is one file for several servos: write {{id}} in it, as in 'arm-{{id}}.toml'")
-    with open_port(port) as bus:
+    if json and file == "-":
+        raise click.UsageError("--json tells of files: `-` prints the settings themselves")
+    with open_port(port) as bus, json_entries(several=several) if json else nullcontext() as entries:
         taken: set[Path] = set()
 
         def save(servo: BusServo) -> None:
@@ -48,6 +58,10 @@ def backup(port: str, ids: Ids, where: Where, files: tuple[str, ...], output: st
                 raise UsageError(f"{servo.target}: {path} is that of another servo by now; write {{model}} in it too")
             taken.add(path)
             write_backup(saved, path, force=force, otherwise="choose another name, or replace it with --force")
+            if entries is not None:
+                entry = {"file": str(path), "settings": len(saved.values)}
+                entries.append({**which(servo), **entry} if several else entry)
+                return
             click.echo(f"{len(saved.values)} settings of {saved.model.named(f'id {saved.id}')} saved to {path}")
 
         for_each(bus, where, ids, save)
@@ -58,21 +72,28 @@ def backup(port: str, ids: Ids, where: Where, files: tuple[str, ...], output: st
 @click.argument("file", type=click.Path())
 @click.option("--torque-off", is_flag=True, help="Switch the torque off first, if it is on.")
 @click.option("--yes", is_flag=True, help="Do not ask, not even about a backup of another id.")
-def restore(port: str, id: int, where: Where, file: str, torque_off: bool, yes: bool) -> None:
+@as_json
+def restore(port: str, id: int, where: Where, file: str, torque_off: bool, yes: bool, json: bool) -> None:
     """Write the settings in FILE to the servo ID on PORT, after showing what would change.
 
     It moves nothing: a servo with its torque on is refused, or goes limp first with --torque-off. Id and speed stay as
     they are, so that a backup can go into a replacement. What the servo cannot have or does not take is named at the
-    end, when all the rest is written.
+    end, when all the rest is written. --json gives what was written, as `write` does, and asks nothing: it needs --yes.
     """
+    if json and not yes:
+        raise click.UsageError("--json asks nothing: say --yes too")
     saved = read_backup(Path(file))
     with open_port(port) as bus:
         servo = find(bus, where, id)
         found = bus.do(compare(servo.target, saved), baud=servo.baud)
-        show_changes(servo, saved, found)
+        if not json:
+            show_changes(servo, saved, found)
         count = len(found.changes)
         if not count and not found.impossible:
-            click.echo(f"{servo.target} has these settings already")
+            if json:
+                print_json({})
+            else:
+                click.echo(f"{servo.target} has these settings already")
             return
         if count and found.driven and not torque_off:
             off = f"servobus torque {shlex.quote(port)} {id} off"
@@ -86,13 +107,31 @@ def restore(port: str, id: int, where: Where, file: str, torque_off: bool, yes: 
             raise ServobusError("nothing was changed")
         try:
             names = servo.restore(saved, torque_off=torque_off)
+        except NotRestored as error:
+            if json:
+                _print_written(found, error.restored)
+            raise
         except (BusError, PortError):
             note("what was not written yet is written when this command is given again")
             raise
         finally:
             if count and (found.driven or found.returns):
                 note(f"torque switched off: id {servo.id}")
-        click.echo(f"{servo.target}: restored {', '.join(names)}")
+        if json:
+            _print_written(found, names)
+        else:
+            click.echo(f"{servo.target}: restored {', '.join(names)}")
+
+
+def _print_written(found: Comparison, names: Sequence[str]) -> None:
+    """Print for programs what became of the settings that were written."""
+    print_json(
+        {
+            row.name: change_entry(row, found.present[row], raw)
+            for row, raw in found.changes.items()
+            if row.name in names
+        }
+    )
 
 
 def write_backup(saved: Backup, path: Path, *, force: bool = False, otherwise: str = "choose another name") -> None:

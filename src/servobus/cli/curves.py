@@ -11,21 +11,14 @@ import click
 
 from servobus.cli import complete
 from servobus.cli.canvas import Curve, Panel, draw
-from servobus.cli.options import (
-    SECONDS,
-    Ids,
-    Where,
-    check_above_0,
-    found,
-    on_servos_with,
-    open_port,
-    signals_as_interrupt,
-    verb,
-)
+from servobus.cli.finding import Where, open_port
+from servobus.cli.interrupts import signals_as_interrupt
+from servobus.cli.options import on_servos_with, verb
 from servobus.cli.output import console
 from servobus.cli.samples import CsvFile, Sample, Sampler
+from servobus.cli.values import SECONDS, Ids, check_above_0
 from servobus.core.present import unit_text
-from servobus.core.units import Quantity
+from servobus.core.units import Measure
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -69,8 +62,8 @@ def plot(
 ) -> None:
     """Draw registers of the servos ID... on PORT as curves, live. Moves nothing.
 
-    Registers of one unit share a picture. A servo that does not answer leaves a gap, and comes back. Where there is no
-    terminal the curves are printed once, at the end.
+    Registers of one unit share a picture. A servo that does not answer leaves a gap, and comes back; an id that is not
+    there at the start joins in when it answers. Where there is no terminal the curves are printed once, at the end.
     """
     for option, value in (("--seconds", seconds), ("--span", span)):
         check_above_0(option, value)
@@ -78,7 +71,7 @@ def plot(
         raise click.BadParameter(f"{rate:g} is not above 0 and up to {FASTEST:g}", param_hint="--rate")
     out = console()
     with open_port(port) as bus, ExitStack() as stack:
-        sampler = Sampler(bus, found(bus, where, ids), names, 1 / rate)
+        sampler = Sampler(bus, where, ids, names, 1 / rate)
         history = History(sampler, span)
         table = stack.enter_context(CsvFile(csv)) if csv else None
         stack.enter_context(signals_as_interrupt())
@@ -92,7 +85,7 @@ def plot(
             pass  # that is how it ends
     if not out.is_terminal:
         click.echo(history.picture(WIDEST, PRINTED, colour=False).plain)
-    sampler.tell_missed()
+    sampler.tell_end()
 
 
 def _keep(samples: Sequence[Sample], history: "History", table: CsvFile | None) -> None:
@@ -120,16 +113,17 @@ class History:
     def __init__(self, sampler: Sampler, span: float) -> None:
         self._span = span
         self._last = 0.0
-        several = len({name for _, name, _ in sampler.columns}) > 1
-        self._curves = [
-            Curve(f"{servo.target} {name}" if several else str(servo.target), deque(maxlen=MOST))
-            for servo, name, _ in sampler.columns
-        ]
-        self._units = [unit_text(row) for _, _, row in sampler.columns]
+        self._several = len({name for _, name, _ in sampler.columns}) > 1
+        self._curves: list[Curve] = []
+        self._units: list[str] = []
 
     def add(self, samples: Sequence[Sample]) -> None:
         """Take the samples of one turn."""
         self._last = samples[0].time
+        for one in samples[len(self._curves) :]:  # all of them at the start, later those of servos that join in
+            label = f"{one.servo.target} {one.name}" if self._several else str(one.servo.target)
+            self._curves.append(Curve(label, deque(maxlen=MOST)))
+            self._units.append(unit_text(one.row))
         for curve, one in zip(self._curves, samples, strict=True):
             curve.points.append((one.time, _number(one)))
             while curve.points[0][0] < self._last - self._span:
@@ -149,5 +143,5 @@ def _number(sample: Sample) -> float:
     """Give a value as the height of a point, in the unit that is shown; nan where none came."""
     if sample.error is not None:
         return math.nan
-    value = sample.shown if isinstance(sample.row.scale, Quantity) else sample.value
+    value = sample.shown if isinstance(sample.row.scale, Measure) else sample.value
     return float(value)

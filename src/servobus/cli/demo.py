@@ -11,7 +11,8 @@ import click
 
 from servobus import MODELS, BusServo, ServobusError
 from servobus.cli.demo_motion import SWING, DemoBus
-from servobus.cli.options import signals_as_interrupt, verb
+from servobus.cli.interrupts import signals_as_interrupt
+from servobus.cli.options import verb
 from servobus.cli.output import console, note
 from servobus.core.units import show
 from servobus.virtual.serve.ports import PtyPort

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from servobus.cli.options import Where, as_json, id_list, on_port, verb
+from servobus.cli.finding import Where
+from servobus.cli.options import as_json, on_port, verb
 from servobus.cli.output import console, print_json
+from servobus.cli.values import id_list
 from servobus.core.ids import LAST_ID
 from servobus.doctor import Finding, Rounds, SearchPlan, Severity, examine
 from servobus.families import registry

@@ -7,8 +7,10 @@ from typing import Any
 import click
 
 from servobus import BusServo, NoReply
-from servobus.cli.options import Ids, Where, are_several, as_json, for_each, on_servos, open_port, verb
+from servobus.cli.finding import Where, for_each, open_port
+from servobus.cli.options import as_json, on_servos, verb
 from servobus.cli.output import console, json_entries
+from servobus.cli.values import Ids, are_several
 from servobus.connect import VIRTUAL
 from servobus.core.present import value_entry, value_text
 from servobus.core.registers import Access, Register

@@ -3,8 +3,10 @@
 import click
 
 from servobus import BusServo
-from servobus.cli.options import Ids, Where, for_each, on_servos, open_port, verb
+from servobus.cli.finding import Where, for_each, open_port
+from servobus.cli.options import on_servos, verb
 from servobus.cli.output import warn_alarms
+from servobus.cli.values import Ids
 
 
 @verb(

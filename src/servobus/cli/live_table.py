@@ -16,6 +16,7 @@ from servobus.virtual.serve.rig import Rig
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
+    from rich.live import Live
     from rich.text import Text
 
 PERIOD = 0.1
@@ -44,11 +45,17 @@ class LiveTable:
         self._stop = stop
         self._console = console
         self._name = self._note = ""
+        self._typed = 0
+        """Lines typed since the table was drawn."""
         self._thread = threading.Thread(target=self._run, name="live table", daemon=True)
 
     def show_note(self, text: str) -> None:
         """Have a line or more stand below the table."""
         self._note = text
+
+    def line_typed(self) -> None:
+        """Take note that a line was typed on the terminal, which has moved the cursor down below the table."""
+        self._typed += 1
 
     def start(self, name: str) -> None:
         """Begin to draw; the servos are served under this name."""
@@ -95,9 +102,18 @@ class LiveTable:
                 started = time.monotonic()
                 if taken:
                     rows = max(1, console.height - OTHER_LINES - self._note.count("\n"))
-                    live.update(servo_table(taken, self._name, self._note, rows), refresh=True)
+                    self._draw(live, servo_table(taken, self._name, self._note, rows))
                 now = time.monotonic()
                 self._stop.wait(max(due - now, (now - started) * (1 / CPU_SHARE - 1)))
+
+    def _draw(self, live: "Live", table: "RenderableType") -> None:
+        """Draw over the last table, which rich takes to end where the cursor is."""
+        from rich.control import Control  # noqa: PLC0415 - as above
+
+        typed, self._typed = self._typed, 0
+        if typed:
+            live.console.control(Control.move(0, -typed))
+        live.update(table, refresh=True)
 
 
 def servo_table(

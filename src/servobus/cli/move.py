@@ -7,22 +7,12 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from servobus import Bus, BusServo, ByServo, Move, MoveTimeout, ServobusError
-from servobus.cli.options import (
-    ALL,
-    IDS,
-    SECONDS,
-    SPEED,
-    Where,
-    as_json,
-    find_all,
-    on_port,
-    open_port,
-    signals_as_interrupt,
-    split_assignment,
-    verb,
-)
+from servobus.cli.finding import Where, find_all, open_port
+from servobus.cli.interrupts import signals_as_interrupt
+from servobus.cli.options import as_json, on_port, verb
 from servobus.cli.output import console, note, print_json
 from servobus.cli.stop import stop_all
+from servobus.cli.values import ALL, IDS, SECONDS, SPEED, split_assignment
 from servobus.core.units import parse, show, shown
 from servobus.core.values import frozen
 from servobus.errors import BadValue, UsageError

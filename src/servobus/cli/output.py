@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servobus import BusServo
+from servobus.core.units import shown
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,6 +28,19 @@ def note(text: str) -> None:
 
 def print_json(data: Any) -> None:
     click.echo(json.dumps(data, indent=2, ensure_ascii=False))
+
+
+def which(servo: BusServo) -> dict[str, Any]:
+    """Say for programs which servo is meant, among several."""
+    return {"family": servo.family.name, "model": servo.model.key(), "id": servo.id, "baud": servo.baud}
+
+
+def quantity_entry(value: float, unit: str) -> dict[str, Any] | None:
+    """Give a value with the unit that people use; None for NaN, which stands for a unit that is not known."""
+    if math.isnan(value):
+        return None
+    number, symbol = shown(value, unit)
+    return {"value": number, "unit": symbol}
 
 
 @contextmanager

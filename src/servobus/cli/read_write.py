@@ -9,23 +9,11 @@ import click
 
 from servobus import Bus, BusServo
 from servobus.cli import complete
-from servobus.cli.options import (
-    SECONDS,
-    Ids,
-    Where,
-    are_several,
-    as_json,
-    check_above_0,
-    find_all,
-    for_each,
-    found,
-    on_servos_with,
-    open_port,
-    split_assignment,
-    verb,
-)
-from servobus.cli.output import json_entries, note, warn_alarms
-from servobus.core.present import json_value, unit_text, value_entry, value_text
+from servobus.cli.finding import Where, find_all, for_each, open_port
+from servobus.cli.options import as_json, on_servos_with, verb
+from servobus.cli.output import json_entries, note, warn_alarms, which
+from servobus.cli.values import SECONDS, Ids, are_several, check_above_0, readable, split_assignment
+from servobus.core.present import change_entry, value_entry, value_text
 from servobus.core.registers import Register
 from servobus.errors import BadValue, BusError, UsageError
 from servobus.families.base import Answers
@@ -65,7 +53,8 @@ def read(
     list if several servos are named, or `all`.
 
     --watch shows values live: in a table on a terminal, else a line (--json: an object) for each servo each time. A
-    servo that does not answer is shown so, and comes back. Nothing moves.
+    servo that does not answer is shown so, and comes back; an id that is not there at the start joins in when it
+    answers, and if it never does the exit code is 1. Nothing moves.
     """
     if watch:
         _watch(port, ids, where, names, interval, seconds, csv, json=json)
@@ -79,7 +68,7 @@ def read(
         values = _values(servo, names)
         if json:
             registers = {name: value_entry(row, raw) for name, (row, raw) in values.items()}
-            entries.append({**_which(servo), "registers": registers} if several else registers)
+            entries.append({**which(servo), "registers": registers} if several else registers)
         else:
             _print_rows(servo, {name: value_text(row, raw) for name, (row, raw) in values.items()}, several=several)
         warn_alarms(servo)
@@ -109,20 +98,14 @@ def _watch(
     for option, value in (("--interval", interval), ("--seconds", seconds)):
         check_above_0(option, value)
     with open_port(port) as bus:
-        servos = found(bus, where, ids)
-        sampler = Sampler(bus, servos, names, 0.2 if interval is None else interval)
+        sampler = Sampler(bus, where, ids, names, 0.2 if interval is None else interval)
         watch(sampler, seconds=seconds, csv=csv, json=json)
 
 
 def _values(servo: BusServo, names: Sequence[str]) -> dict[str, tuple[Register[Any], int]]:
     """Read registers: name -> register and raw value."""
-    rows = [_readable(servo, name) for name in names]
+    rows = [readable(servo.model, name) for name in names]
     return dict(zip(names, zip(rows, servo.read_raw(rows), strict=True), strict=True))
-
-
-def _which(servo: BusServo) -> dict[str, Any]:
-    """Say for programs which servo is meant, among several."""
-    return {"family": servo.family.name, "model": servo.model.key(), "id": servo.id, "baud": servo.baud}
 
 
 def _print_rows(servo: BusServo, values: Mapping[str, str], *, several: bool) -> None:
@@ -162,7 +145,7 @@ def write(port: str, ids: Ids, where: Where, settings: tuple[str, ...], save: bo
 
 def _encoded(servo: BusServo, wanted: Mapping[str, str]) -> dict[Register[Any], int]:
     """Check names and values for a servo: register -> raw value."""
-    values = {_readable(servo, name): value for name, value in wanted.items()}
+    values = {readable(servo.model, name): value for name, value in wanted.items()}
     if len(values) != len(wanted):
         raise BadValue("a register is named twice, once by an alias")
     return {row: _encode(servo, row, value) for row, value in values.items()}
@@ -181,8 +164,8 @@ def _write(
     before = dict(zip(raws, old, strict=True)) if old is not None else {}
     after = dict(zip(raws, new, strict=True)) if new is not None else raws
     if entries is not None:
-        changes = {row.name: _change(row, before.get(row), after[row]) for row in raws}
-        entries.append({**_which(servo), "registers": changes} if several else changes)
+        changes = {row.name: change_entry(row, before.get(row), after[row]) for row in raws}
+        entries.append({**which(servo), "registers": changes} if several else changes)
     else:
         texts = {
             row.name: f"{value_text(row, before[row]) if row in before else '?'} -> {value_text(row, after[row])}"
@@ -198,21 +181,6 @@ def _write(
             raise BusError(
                 f"{servo.target} did not take {row.name} = {value_text(row, raw)}: it is {value_text(row, now)}"
             )
-
-
-def _change(row: Register[Any], old: int | None, new: int) -> dict[str, Any]:
-    return {
-        "old": None if old is None else json_value(row, old),
-        "new": json_value(row, new),
-        "unit": unit_text(row),
-    }
-
-
-def _readable(servo: BusServo, name: str) -> Register[Any]:
-    row = servo.model.register(name)
-    if not row.readable:
-        raise UsageError(f"{row.model} {row.name} is reserved: it has no meaning")
-    return row
 
 
 def _encode(servo: BusServo, row: Register[Any], value: str) -> int:

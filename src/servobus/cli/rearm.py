@@ -3,18 +3,11 @@
 import click
 
 from servobus import BusServo
-from servobus.cli.options import (
-    Ids,
-    Where,
-    check_to_limit,
-    for_each,
-    on_servos,
-    open_port,
-    signals_as_interrupt,
-    to_limit_options,
-    verb,
-)
+from servobus.cli.finding import Where, for_each, open_port
+from servobus.cli.interrupts import signals_as_interrupt
+from servobus.cli.options import check_to_limit, on_servos, to_limit_options, verb
 from servobus.cli.output import warn_alarms
+from servobus.cli.values import Ids
 
 
 @verb(

@@ -46,13 +46,18 @@ def models(names: tuple[str, ...], json: bool) -> None:
     """
     found = [registry.model(name) for name in names] or list(MODELS.values())
     if json:
-        from servobus.cli.virtual_options import option_entries  # noqa: PLC0415 - virtual servos are slow to import
+        from servobus.cli.virtual_motors import motor_entries  # noqa: PLC0415 - virtual servos are slow to import
+        from servobus.cli.virtual_options import option_entries  # noqa: PLC0415
 
-        print_json([model_entry(model) | {"options": option_entries(model)} for model in found])
+        print_json(
+            [model_entry(model) | {"options": option_entries(model), "motor": motor_entries(model)} for model in found]
+        )
         return
     if names:
+        from servobus.cli.virtual_motors import motor_lines  # noqa: PLC0415 - virtual servos are slow to import
+
         for n, model in enumerate(found):
-            click.echo("\n" * bool(n) + "\n".join(filter(None, model_lines(model))))
+            click.echo("\n" * bool(n) + "\n".join(filter(None, [*model_lines(model), *motor_lines(model)])))
         note(f"`servobus registers {found[0].key()}` shows what it can be asked and told")
         return
     from rich.table import Table  # noqa: PLC0415 - rich is slow to import and not always wanted

@@ -9,8 +9,10 @@ import click
 from servobus import BusServo, ServobusError
 from servobus.cli.advice import command_for
 from servobus.cli.backup import write_backup
-from servobus.cli.options import Ids, Where, find, for_each, on_servo, on_servos, open_port, verb
+from servobus.cli.finding import Where, find, for_each, open_port
+from servobus.cli.options import on_servo, on_servos, verb
 from servobus.cli.output import note
+from servobus.cli.values import Ids
 from servobus.errors import UsageError
 from servobus.families import registry
 

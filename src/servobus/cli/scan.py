@@ -1,6 +1,5 @@
 """`scan`: which servos are on this port."""
 
-import math
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from enum import IntFlag
@@ -9,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servobus import Bus
-from servobus.cli.options import Where, as_json, id_list, on_port, open_port, verb
-from servobus.cli.output import console, note, print_json
+from servobus.cli.finding import Where, open_port
+from servobus.cli.options import as_json, on_port, verb
+from servobus.cli.output import console, note, print_json, quantity_entry
+from servobus.cli.values import id_list
 from servobus.core.ids import LAST_ID
-from servobus.core.units import Flags, shown
+from servobus.core.units import Flags
 from servobus.families import registry
 from servobus.families.present import servo_entry
 from servobus.jobs.scan import FoundServo, ScanProblem, ScanProgress, ScanResult
@@ -84,9 +85,9 @@ def _entry(found: FoundServo) -> dict[str, Any]:
     tells_alarms = found.family.ping(found.id).alarms is not None
     return {
         **servo_entry(found.family, found.model, found.id, found.baud, found.identity.firmware),
-        "position": _quantity(state.position, "rad") if state else None,
-        "voltage": _quantity(state.voltage, "V") if state else None,
-        "temperature": _quantity(state.temperature, "degC") if state else None,
+        "position": quantity_entry(state.position, "rad") if state else None,
+        "voltage": quantity_entry(state.voltage, "V") if state else None,
+        "temperature": quantity_entry(state.temperature, "degC") if state else None,
         "torque": state.torque if state else None,
         "alarms": _names(alarms) if tells_alarms else None,
     }
@@ -94,14 +95,6 @@ def _entry(found: FoundServo) -> dict[str, Any]:
 
 def _names(alarms: int) -> list[str]:
     return Flags(type(alarms)).show(alarms).split("+") if alarms and isinstance(alarms, IntFlag) else []
-
-
-def _quantity(value: float, unit: str) -> dict[str, Any] | None:
-    """Give a value with the unit that people use; None for NaN, which stands for a unit that is not known."""
-    if math.isnan(value):
-        return None
-    number, symbol = shown(value, unit)
-    return {"value": number, "unit": symbol}
 
 
 def _note_problems(troubles: list[ScanProblem], found: list[FoundServo]) -> None:
@@ -116,8 +109,7 @@ def _note_problems(troubles: list[ScanProblem], found: list[FoundServo]) -> None
 
 def _servo_text(bus: Bus, found: FoundServo) -> str:
     if found.model is None:
-        number = found.identity.number
-        return f"id {found.id} at {found.baud}: {found.family.title} model {number}, not known here"
+        return f"id {found.id} at {found.baud}: {found.family.title} model {found.number_text}, not known here"
     return str(bus.adopt(found))
 
 

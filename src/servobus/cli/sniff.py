@@ -14,16 +14,19 @@ import click
 
 from servobus.cli import complete
 from servobus.cli.decode import find_family_and_model
-from servobus.cli.options import BAUD, FamilyOption, ModelOption, as_json, stop_on_signals, verb
+from servobus.cli.interrupts import stop_on_signals
+from servobus.cli.options import FamilyOption, ModelOption, as_json, verb
 from servobus.cli.output import compact, note
 from servobus.cli.packets import print_events, print_summary
+from servobus.cli.values import BAUD
 from servobus.connect import FIRST_BAUD, transport
+from servobus.core.framing import BITS_PER_BYTE
 from servobus.errors import ServobusError, UsageError
 from servobus.families import registry
 from servobus.families.base import Family, Model
 from servobus.traffic.events import TrafficEvent
 from servobus.traffic.recording import Direction, Entry, Header, RecordingFile, TapEnd
-from servobus.traffic.tracker import BITS, Tracker
+from servobus.traffic.tracker import Tracker
 from servobus.transports.base import Transport
 from servobus.transports.pty import LOOK_PERIOD, PseudoTerminal
 from servobus.transports.tap import TapTransport
@@ -226,7 +229,9 @@ class Relay(threading.Thread):
                 ready = select.select(wanted, [], [], TICK if present else LOOK_PERIOD)[0]
             self._follow_speed(round(app.baud()))
             if data := app.read():
-                self._busy_until = max(self._busy_until, self._wire.elapsed()) + len(data) * BITS / self._wire.baud
+                self._busy_until = (
+                    max(self._busy_until, self._wire.elapsed()) + len(data) * BITS_PER_BYTE / self._wire.baud
+                )
                 self._wire.write(data)
             elif present and not app.has_client and self._once:
                 return

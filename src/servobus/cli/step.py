@@ -12,23 +12,13 @@ import click
 import servobus
 from servobus import MODELS, Bus, BusServo, UsageError, deg
 from servobus.cli import complete, plot
-from servobus.cli.options import (
-    ANGLE,
-    SECONDS,
-    Where,
-    as_json,
-    check_above_0,
-    find,
-    open_port,
-    signals_as_interrupt,
-    split_assignment,
-    unless_nobody_answers,
-    verb,
-    where_options,
-)
+from servobus.cli.finding import Where, find, open_port
+from servobus.cli.interrupts import signals_as_interrupt, unless_nobody_answers
+from servobus.cli.options import as_json, verb, where_options
 from servobus.cli.output import note, print_json
 from servobus.cli.response import Response, Sample
 from servobus.cli.stop import stop_all
+from servobus.cli.values import ANGLE, SECONDS, check_above_0, split_assignment
 from servobus.core.ids import check_id
 from servobus.core.units import show, shown
 from servobus.errors import BadValue, ServobusError

@@ -1,24 +1,16 @@
 """`stop` and `torque`: stop servos, and switch their torque."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext
 
 import click
 
 from servobus import Bus, BusServo, ServobusError
-from servobus.cli.options import (
-    ALL,
-    TRIES,
-    Ids,
-    Where,
-    check_to_limit,
-    find_all,
-    on_servos,
-    open_port,
-    signals_as_interrupt,
-    to_limit_options,
-    verb,
-)
-from servobus.cli.output import note, warn_alarms
+from servobus.cli.finding import TRIES, Where, find_all, open_port, rounds_text
+from servobus.cli.interrupts import signals_as_interrupt
+from servobus.cli.options import as_json, check_to_limit, on_servos, to_limit_options, verb
+from servobus.cli.output import json_entries, note, print_json, quantity_entry, warn_alarms, which
+from servobus.cli.values import ALL, Ids, are_several
 from servobus.core.ids import BROADCAST, LAST_ID
 from servobus.errors import BusError, MotionError, NoReply, PortError, PortLost, StopFailed
 from servobus.families import registry
@@ -64,7 +56,8 @@ def stop(port: str, ids: Ids, where: Where) -> None:
 @on_servos
 @click.argument("state", metavar="on|off", type=click.Choice(["on", "off"]))
 @to_limit_options
-def torque(port: str, ids: Ids, where: Where, state: str, to_limit: bool, speed: float | None) -> None:
+@as_json
+def torque(port: str, ids: Ids, where: Where, state: str, to_limit: bool, speed: float | None, json: bool) -> None:
     """Switch the torque of servos on PORT on or off.
 
     On: each holds where it is, nothing moves, and none is switched on unless all are found. A servo that would run to
@@ -73,32 +66,57 @@ def torque(port: str, ids: Ids, where: Where, state: str, to_limit: bool, speed:
 
     `all off` looks for nobody: every id is told, within two seconds twice at each speed that is usual for its family,
     then once at all others that it can be set to; or at --baud alone. No servo answers that.
+
+    --json gives a list if several servos are named, or `all`; for `all off` which speeds were told.
     """
     if to_limit and state == "off":
         raise click.UsageError("--to-limit goes with on")
     check_to_limit(to_limit, speed)
 
     def switched(servo: BusServo) -> None:
-        click.echo(f"{servo.target}: torque {state}")
+        here = servo.look() if to_limit else None
+        if entries is not None:
+            position = {} if here is None else {"position": quantity_entry(here.position, "rad")}
+            entry = {"torque": state == "on", **position}
+            entries.append({**which(servo), **entry} if several else entry)
+        else:
+            click.echo(f"{servo.target}: torque {state}{'' if here is None else f', holds {here.place}'}")
         warn_alarms(servo)
 
     def switch_off(servo: BusServo) -> None:
         servo.torque_off()
         switched(servo)
 
+    several = are_several(ids)
     with open_port(port) as bus, signals_as_interrupt():
-        if state == "on":
-            _torque_on(find_all(bus, where, ids), switched, to_limit=to_limit, speed=speed)
-        elif ids == ALL:
-            rounds = where.everywhere()
-            _tell_torque_off(bus, where, rounds)
-            click.echo(f"torque off: told all ids of {_said(rounds)}")
-            if where.baud is None and (odd := _odd(where, rounds)):
-                _tell_torque_off(bus, where, odd, times=1)
-                click.echo(f"and at {sum(len(bauds) for _, bauds in odd)} speeds in between, which are not usual")
-            note("no servo answers that; `servobus scan` shows which obeyed")
-        else:
-            _each_as_it_is_found(bus, where, ids, switch_off)
+        if state == "off" and ids == ALL:
+            _all_off(bus, where, json=json)
+            return
+        with json_entries(several=several) if json else nullcontext() as entries:
+            if state == "on":
+                _torque_on(find_all(bus, where, ids), switched, to_limit=to_limit, speed=speed)
+            else:
+                _each_as_it_is_found(bus, where, ids, switch_off)
+
+
+def _all_off(bus: Bus, where: Where, *, json: bool) -> None:
+    """Tell every id at every speed to switch its torque off."""
+    rounds = where.everywhere()
+    odd = _odd(where, rounds) if where.baud is None else []
+    _tell_torque_off(bus, where, rounds)
+    if not json:
+        click.echo("torque off: told all ids")
+        for family, bauds in rounds:
+            click.echo(click.wrap_text(f"{family.name} at {', '.join(map(str, bauds))}", 80, "  ", "    "))
+    if odd:
+        _tell_torque_off(bus, where, odd, times=1)
+    if json:
+        more = {family.name: bauds for family, bauds in odd}
+        told = [{"family": one.name, "bauds": [*bauds, *more.get(one.name, ())]} for one, bauds in rounds]
+        print_json({"torque": False, "told": told})
+    elif odd:
+        click.echo(f"and at {sum(len(bauds) for _, bauds in odd)} speeds in between, which are not usual")
+    note("no servo answers that; `servobus scan` shows which obeyed")
 
 
 def _torque_on(
@@ -109,11 +127,10 @@ def _torque_on(
     for servo in servos:
         try:
             servo.torque_on(to_limit=to_limit, speed=speed)
+            then(servo)
         except (BusError, MotionError) as error:
             failed.append(str(error))
             warn_alarms(servo)
-        else:
-            then(servo)
     if failed:
         raise ServobusError("; ".join(failed))
 
@@ -175,14 +192,15 @@ def _each_as_it_is_found(bus: Bus, where: Where, ids: Ids, action: Callable[[Bus
             look(rounds, [id for id in ids if id not in met])
         tried = rounds
         if where.baud is None and (missing := [id for id in ids if id not in met]):
-            note(f"looking for {_ids(missing)} at every speed")
+            names = ", ".join(family.name for family, _ in rounds)
+            note(f"looking for {_ids(missing)} at every speed of {names}, which takes some seconds")
             tried = where.everywhere()
             look(tried, missing)
         for id in [id for id in ids if id not in met]:
             _tell_torque_off(bus, where, tried, id)
             failed.append(
-                f"{bus.transport.name}: no servo answers to id {id} (tried {_said(tried)}), so it may still move; "
-                "it was told to switch its torque off all the same"
+                f"{bus.transport.name}: no servo answers to id {id} (tried {rounds_text(tried)}), so it may still "
+                "move; it was told to switch its torque off all the same"
             )
     if failed:
         raise NoReply("; ".join(failed))
@@ -215,10 +233,6 @@ def _odd(where: Where, rounds: Rounds) -> Rounds:
     """Give the speeds that servos can be set to as well, but seldom are."""
     odd = [(family, spare_bauds(where.models_of(family), bauds)) for family, bauds in rounds]
     return [(family, bauds) for family, bauds in odd if bauds]
-
-
-def _said(rounds: Rounds) -> str:
-    return ", ".join(f"{family.name} at {'/'.join(map(str, bauds))}" for family, bauds in rounds)
 
 
 def _ids(ids: Sequence[int]) -> str:

@@ -3,56 +3,48 @@
 import shlex
 import sys
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 
 from servobus.cli import complete
 from servobus.cli.app import Verb
+from servobus.cli.interrupts import stop_on_signals
 from servobus.cli.live_table import LiveTable
-from servobus.cli.options import BAUD, UnitType, stop_on_signals
 from servobus.cli.output import note
+from servobus.cli.values import BAUD, UnitType
 from servobus.cli.virtual_console import VirtualConsole, read_commands
 from servobus.cli.virtual_options import options_text, write_options
-from servobus.virtual.device.options import READINGS, Reading
-from servobus.virtual.physics.motor import NOTHING, Load
+from servobus.virtual.device.options import READINGS
+from servobus.virtual.physics.motor import NOTHING
 from servobus.virtual.serve.ports import serve_pty, serve_tcp
 from servobus.virtual.serve.rig import Rig, build_rig
-from servobus.virtual.serve.spec import REAL_CLOCK, Clock, Servos, Setup, parse_load, parse_specs
+from servobus.virtual.serve.spec import REAL_CLOCK, Servos, Setup, parse_load, parse_specs
 from servobus.virtual.wire.adapter import WHOLE, Adapter
 from servobus.virtual.wire.faults import KINDS, NO_FAULTS, SETTINGS, Faults, explain
 
 
-class LoadType(click.ParamType[Load]):
-    """What hangs on a shaft, as people type it."""
+class ReadType(click.ParamType[Any]):
+    """A word that a function reads, such as what hangs on a shaft."""
 
-    name = "load"
+    def __init__(self, name: str, read: Callable[[str], Any]) -> None:
+        self.name = name
+        self._read = read
 
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Load:  # noqa: ARG002
-        return value if isinstance(value, Load) else parse_load(str(value))
-
-
-class AdapterType(click.ParamType[Adapter]):
-    """In which pieces answers come, as people type it."""
-
-    name = "adapter"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Adapter:  # noqa: ARG002
-        return value if isinstance(value, Adapter) else Adapter.parse(str(value))
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ARG002
+        return self._read(value) if isinstance(value, str) else value
 
 
-class FaultsType(click.ParamType[Faults]):
-    """What goes wrong on the line, as people type it; `help` lists what there is and ends the command."""
+class FaultsType(ReadType):
+    """What goes wrong on the line; `help` lists what there is and ends the command."""
 
-    name = "faults"
-
-    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> Faults:  # noqa: ARG002
-        if isinstance(value, Faults):
-            return value
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if value == "help" and ctx is not None:
             click.echo(explain())
             ctx.exit()
-        return Faults.parse(str(value))
+        return super().convert(value, param, ctx)
 
 
 class VirtualVerb(Verb):
@@ -62,6 +54,8 @@ class VirtualVerb(Verb):
         super().format_options(ctx, formatter)
         write_options(formatter)
 
+
+FILE = click.Path(path_type=Path)
 
 EXAMPLES = (
     "servobus virtual rx28@1-4,7",
@@ -78,10 +72,10 @@ EXAMPLES = (
 
 @click.command("virtual", cls=VirtualVerb, examples=EXAMPLES)
 @click.argument("specs", metavar="SPEC...", nargs=-1, required=True, shell_complete=complete.specs)
-@click.option("--pty", metavar="LINK", help="Make LINK a symbolic link to the terminal.")
+@click.option("--pty", type=FILE, metavar="LINK", help="Make LINK a symbolic link to the terminal.")
 @click.option("--tcp", metavar="[HOST:]PORT", help="Serve a TCP port instead; port 0 takes any free one.")
 @click.option("--baud", type=BAUD, metavar="N", help="Speed the servos start with; else the factory speed.")
-@click.option("--state", metavar="FILE", help="Keep the EEPROM contents in FILE, so that it survives.")
+@click.option("--state", type=FILE, metavar="FILE", help="Keep the EEPROM contents in FILE, so that it survives.")
 @click.option("--echo", is_flag=True, help="Give back what is sent, as some adapters do.")
 @click.option("--voltage", type=UnitType("volts", "V"), metavar="V", help="Supply; else the model's nominal voltage.")
 @click.option("--temperature", type=UnitType("degrees Celsius", "degC"), metavar="C", help="Of the cases; else 25.")
@@ -94,7 +88,7 @@ EXAMPLES = (
 @click.option("--motor", metavar="NAME", help="Set of motor data, such as manual or measured; else the model's first.")
 @click.option(
     "--load",
-    type=LoadType(),
+    type=ReadType("load", parse_load),
     metavar="LOAD",
     default=NOTHING,
     show_default=False,
@@ -102,7 +96,7 @@ EXAMPLES = (
 )
 @click.option(
     "--adapter",
-    type=AdapterType(),
+    type=ReadType("adapter", Adapter.parse),
     metavar="KIND",
     default=WHOLE,
     show_default=False,
@@ -111,7 +105,7 @@ EXAMPLES = (
 )
 @click.option(
     "--faults",
-    type=FaultsType(),
+    type=FaultsType("faults", Faults.parse),
     metavar="SPEC",
     default=NO_FAULTS,
     show_default=False,
@@ -129,22 +123,7 @@ EXAMPLES = (
 @click.option("--clock", type=click.Choice(("real", "virtual")), default="real", hidden=True)
 @click.option("--show", is_flag=True, help="Show every servo in a live table. Needs a terminal.")
 def virtual(
-    specs: tuple[str, ...],
-    pty: str | None,
-    tcp: str | None,
-    baud: int | str | None,
-    state: str | None,
-    echo: bool,
-    voltage: float | None,
-    temperature: float | None,
-    supply_resistance: float | None,
-    motor: str | None,
-    load: Load,
-    adapter: Adapter,
-    faults: Faults,
-    reading: Reading,
-    clock: Clock,
-    show: bool,
+    specs: tuple[str, ...], pty: Path | None, tcp: str | None, show: bool, baud: int | str | None, **surroundings: Any
 ) -> None:
     """Be servos on a pseudo terminal, which any program opens like a serial port, until interrupted.
 
@@ -169,21 +148,7 @@ def virtual(
             REAL_CLOCK if "clock=virtual" in text else "what stands behind ? in a port's name is an option here"
         )
     servos = parse_specs(text)
-    setup = Setup(
-        servos,
-        clock=clock,
-        echo=echo,
-        baud=baud,
-        voltage=voltage,
-        temperature=temperature,
-        state=Path(state) if state else None,
-        motor=motor,
-        supply_resistance=supply_resistance,
-        load=load,
-        adapter=adapter,
-        faults=faults,
-        reading=reading,
-    )
+    setup = Setup(servos, baud=baud, **surroundings)
     address = _host_and_port(tcp) if tcp else None
     stop = stop_on_signals()
     rig = build_rig(setup)
@@ -195,13 +160,14 @@ def virtual(
         _ready(name)
         if table:
             table.start(name)
-        read_commands(VirtualConsole(rig, table.show_note if table else note), stop)
+        console = VirtualConsole(rig, table.show_note if table else note)
+        read_commands(console, stop, table.line_typed if table and sys.stdin.isatty() else None)
 
     try:
         if address:
             serve_tcp(rig, *address, stop, ready)
         else:
-            serve_pty(rig, Path(pty) if pty else None, stop, ready)
+            serve_pty(rig, pty, stop, ready)
     finally:
         stop.set()
         if table:

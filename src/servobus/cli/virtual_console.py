@@ -196,14 +196,25 @@ def _number(text: str, unit: str) -> float:
 # Standard input
 
 
-def read_commands(console: VirtualConsole, stop: threading.Event) -> threading.Thread | None:
-    """Let a thread take the lines of standard input until it ends, or until `stop`; None if there is none."""
+def read_commands(
+    console: VirtualConsole, stop: threading.Event, typed: Callable[[], None] | None = None
+) -> threading.Thread | None:
+    """Let a thread take the lines of standard input until it ends, or until `stop`; None if there is none.
+
+    `typed` is called for each line before it is carried out.
+    """
+
+    def execute(line: str) -> None:
+        if typed:
+            typed()
+        console.execute(line)
+
     try:
         handle = sys.stdin.fileno()
     except (AttributeError, ValueError, OSError):  # closed, or something that a test put there
         return None
     # Reading past Python's own buffer: a thread that sleeps inside that would hinder the end of the program.
-    thread = threading.Thread(target=_read, args=(handle, console.execute, stop), name="commands", daemon=True)
+    thread = threading.Thread(target=_read, args=(handle, execute, stop), name="commands", daemon=True)
     thread.start()
     return thread
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from servobus import BusServo
-from servobus.cli.options import signals_as_interrupt
+from servobus.cli.interrupts import signals_as_interrupt
 from servobus.cli.output import compact, console
 from servobus.cli.samples import CsvFile, Sample, Sampler
 from servobus.core.present import unit_text
@@ -40,7 +40,7 @@ def watch(sampler: Sampler, *, seconds: float | None, csv: Path | None, json: bo
                     live.update(_table(samples), refresh=True)
         except KeyboardInterrupt:
             pass  # that is how it ends
-    sampler.tell_missed()
+    sampler.tell_end()
 
 
 def by_servo(samples: Sequence[Sample]) -> dict[BusServo, list[Sample]]:

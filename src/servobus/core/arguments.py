@@ -16,7 +16,9 @@ def check_baud(baud: int) -> int:
     """Give a speed in bit/s back. Raises BadValue."""
     number = finite(baud)
     if number is None or number != int(number) or not 1 <= number <= FASTEST:
-        raise BadValue(f"{said(baud)} is not a speed in baud")
+        raise BadValue(
+            f"{said(baud)} is not a speed in baud: give a whole number of bit/s from 1 to {FASTEST}, such as 115200"
+        )
     return int(baud)
 
 

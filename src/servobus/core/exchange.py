@@ -15,7 +15,7 @@ from typing import Any, Generic, Self, TypeAlias, TypeVar
 
 from servobus.core.framing import Framing, Packet
 from servobus.core.values import frozen, replace
-from servobus.errors import BusError
+from servobus.errors import BusError, Garbled, NoReply
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -65,14 +65,16 @@ class Exchange(Generic[T]):
     """One request and its reply, as a value that is never changed.
 
     what        for people: "RX-28 id 1: read present_position"
-    interpret   turns a reply's packet into the result; raises Refused. Where nothing answers it is given an
-                empty packet.
+    interpret   turns a reply's packet into the result; raises Refused or WrongReply. Where nothing answers it
+                is given an empty packet.
     replies     the pattern of the reply; none where the servo stays silent. A `GroupExchange` has several
     alarms      reads the alarm bits that stand beside the data in the packet
     max_delay   longest time in seconds between the request's last bit and the reply's first
     typical_delay  the time that it usually takes at most; the same, if not given
     repeatable  whether it may be sent again if no answer comes: what only asks, and what sets RAM to a value
     anyway      whether it is sent although the line is not quiet
+    joins       makes one request of the first of several exchanges that have the same function here, as many as one
+                packet holds; None if it is asked alone
     """
 
     __slots__ = (
@@ -81,6 +83,7 @@ class Exchange(Generic[T]):
         "framing",
         "id",
         "interpret",
+        "joins",
         "max_delay",
         "repeatable",
         "replies",
@@ -92,6 +95,7 @@ class Exchange(Generic[T]):
     )  # fmt: skip
 
     interpret: Callable[[Packet], Any]
+    joins: "Callable[[Sequence[Exchange[Any]]], GroupExchange[Any]] | None"
 
     def __init__(
         self,
@@ -105,18 +109,20 @@ class Exchange(Generic[T]):
         *,
         typical_delay: float | None = None,
         repeatable: bool = False,
+        joins: "Callable[[Sequence[Exchange[T]]], GroupExchange[T]] | None" = None,
     ) -> None:
         self.what, self.framing, self.request, self.interpret = what, framing, request, interpret
         self.alarms, self.max_delay, self.repeatable, self.anyway = alarms, max_delay, repeatable, False
+        self.joins = joins
         self.typical_delay = max_delay if typical_delay is None else typical_delay
         self.id = framing.unframe(request)[0].id
         """The id in the request: the servo that is asked, or the broadcast id."""
+        self.reply = reply
+        """The pattern of the reply; None where the servo stays silent, and of a `GroupExchange`."""
         self._expect(() if reply is None else (reply,))
 
     def _expect(self, replies: tuple[ReplyPattern, ...]) -> None:
         self.replies = replies
-        self.reply = replies[0] if replies else None
-        """The pattern of the reply, where there is one at most."""
         self.reply_size = sum(self.framing.overhead + max(reply.sizes) for reply in replies)
         """Bytes on the wire that the replies have at most, together."""
 
@@ -148,8 +154,12 @@ class Exchange(Generic[T]):
     def strict(self) -> "Exchange[None]":
         """Make the same question, to which only a full reply counts, and that it came: a fence."""
         replies = tuple(reply.strict() for reply in self.replies)
-        reply = replies[0] if replies else None
+        reply = None if self.reply is None else self.reply.strict()
         return self._changed(interpret=ack_only, replies=replies, reply=reply)  # type: ignore[return-value] # as above
+
+    def interpreter(self, reply: ReplyPattern) -> Callable[[Packet], Any]:  # noqa: ARG002 - there is one at most
+        """Give what turns the packet that is this reply into the result."""
+        return self.interpret
 
     def looks_like_its_reply(self) -> bool:
         """Tell whether the request could be taken for its own answer, so that an echo would be one.
@@ -167,38 +177,65 @@ class Exchange(Generic[T]):
 
 
 class GroupExchange(Exchange[list[S | BusError]], Generic[S]):
-    """One request that several servos answer, one after the other: sync read, bulk read.
+    """One request that several servos answer, one behind the other: bulk read, sync read.
 
-    Its result is a list: for each reply, in the order of `replies`, what `interpret` makes of it, or the BusError that
-    came of it. A reply that is lost costs itself alone. Errors of the line as a whole are raised: LineBusy, BrokenEcho.
+    Its result is a list: for each of its parts the result, or the BusError that came of it. A reply that is lost costs
+    itself alone. Errors of the line as a whole are raised: LineBusy, BrokenEcho.
 
-    replies    one pattern for each servo, in the order in which they answer
-    max_delay  longest time in seconds before each reply
+    A servo begins to answer when the one before has answered. So after a silence longer than any of them may take, none
+    of those that are left answers any more; they had no turn, and their parts are asked.
+
+    parts  what asks each of the servos alone, and is answered in the same way, in the order in which they answer
     """
 
-    __slots__ = ()
+    __slots__ = ("parts",)
 
-    def __init__(
-        self,
-        what: str,
-        framing: Framing,
-        request: bytes,
-        interpret: Callable[[Packet], S],
-        replies: Sequence[ReplyPattern],
-        alarms: Callable[[Packet], int] | None = None,
-        max_delay: float = 0.0,
-        *,
-        typical_delay: float | None = None,
-        repeatable: bool = False,
-    ) -> None:
-        # What it interprets is one of several replies, so its result is not yet that of the exchange.
-        super().__init__(what, framing, request, interpret, None, alarms, max_delay,  # type: ignore[arg-type]
-                         typical_delay=typical_delay, repeatable=repeatable)  # fmt: skip
-        self._expect(tuple(replies))
+    def __init__(self, what: str, framing: Framing, request: bytes, parts: Sequence[Exchange[S]]) -> None:
+        first, *_ = parts
+        super().__init__(
+            what, framing, request, first.interpret, None, first.alarms,
+            max(part.max_delay for part in parts),
+            typical_delay=max(part.typical_delay for part in parts),
+            repeatable=all(part.repeatable for part in parts),
+        )  # fmt: skip
+        self.parts = tuple(parts)
+        self._expect(tuple(reply for part in parts for reply in part.replies))
 
     def mapped(self, interpret: Callable[[Packet], U]) -> "GroupExchange[U]":  # type: ignore[override] # a list of these
         """Make the same question with another way to read each reply."""
-        return self._changed(interpret=interpret)  # type: ignore[return-value] # it is now of that type
+        return self._changed(parts=tuple(part.mapped(interpret) for part in self.parts))  # type: ignore[return-value] # it is now of that type
+
+    def interpreter(self, reply: ReplyPattern) -> Callable[[Packet], Any]:
+        """Give what turns the packet that is this reply into the result of its part."""
+        return self.parts[self.replies.index(reply)].interpret
+
+    def turnless(self, outcomes: Sequence[Any]) -> list[int]:
+        """Give the numbers of the parts that had no turn, as all from an earlier one on stayed silent."""
+        answered = [n for n, outcome in enumerate(outcomes) if not isinstance(outcome, NoReply | Garbled)]
+        return list(range(max(answered, default=-1) + 2, len(self.parts)))
+
+    def _changed(self, **changes: Any) -> Self:
+        copy = super()._changed(**changes)
+        copy.parts = changes.get("parts", self.parts)
+        return copy
+
+
+def joined(exchanges: Sequence[Exchange[Any]]) -> list[GroupExchange[Any]]:
+    """Make groups, of two and more, of those that can be joined; what is in none is asked alone.
+
+    No two of them may be for one servo.
+    """
+    alike: dict[Callable[..., GroupExchange[Any]], list[Exchange[Any]]] = {}
+    for exchange in exchanges:
+        if exchange.joins is not None:
+            alike.setdefault(exchange.joins, []).append(exchange)
+    groups = []
+    for joins, some in alike.items():
+        rest = some
+        while len(rest) > 1:
+            groups.append(joins(rest))
+            rest = rest[len(groups[-1].parts) :]
+    return groups
 
 
 @frozen
@@ -262,12 +299,12 @@ class LateAnswers:
 class Batch:
     """Step of a procedure: several questions of one family, each sent before the answer to the last is in.
 
-    They keep so far apart that no two answers, or on one wire a question and an answer, can meet. The step
-    gives a list: for each exchange its result, or the BusError that came of it.
+    They keep so far apart that no two answers, or on one wire a question and an answer, can meet. Those that can be
+    joined go out as one request. The step gives a list: for each exchange its result, or the BusError that came of it.
 
     again   whether what did not come through is asked again, if it is repeatable
     yields  whether it ends early where another job waits for the line: then the list is shorter, and the exchanges
-            without an outcome were not sent
+            without an outcome were not sent. None are joined then
     """
 
     exchanges: Sequence[Exchange[Any]]

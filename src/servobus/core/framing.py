@@ -17,6 +17,9 @@ from typing import TypeAlias
 
 from servobus.core.values import frozen
 
+BITS_PER_BYTE = 10
+"""Bits of a byte on the wire: start bit, eight data bits, stop bit: 8N1, as all three families use."""
+
 
 class Packet:
     """One packet without its framing: a value that is never changed.

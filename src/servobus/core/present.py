@@ -7,7 +7,7 @@ printed here.
 from typing import Any
 
 from servobus.core.registers import Access, Register
-from servobus.core.units import Choice, Flags, Quantity, Switch, shown
+from servobus.core.units import Choice, Flags, Measure, Quantity, Switch, Thermistor, shown
 
 ACCESS = {Access.READ: "read", Access.READ_WRITE: "read, write", Access.RESERVED: "reserved"}
 
@@ -30,7 +30,7 @@ def json_value(register: Register[Any], raw: int) -> Any:
 def decoded_json(register: Register[Any], value: Any) -> Any:
     """Give a value that was read for JSON, in the unit people use."""
     scale = register.scale
-    if isinstance(scale, Quantity):
+    if isinstance(scale, Measure):
         return shown(value, scale.unit)[0]
     if isinstance(scale, Choice | Flags):
         return scale.show(value)
@@ -50,6 +50,15 @@ def value_text(register: Register[Any], raw: int) -> str:
 def value_entry(register: Register[Any], raw: int) -> dict[str, Any]:
     """Give one value with its unit, and the raw integer."""
     return {"value": json_value(register, raw), "unit": unit_text(register), "raw": raw}
+
+
+def change_entry(register: Register[Any], old: int | None, new: int) -> dict[str, Any]:
+    """Give what a value was, None if that is not known, and what it is now; both raw here."""
+    return {
+        "old": None if old is None else json_value(register, old),
+        "new": json_value(register, new),
+        "unit": unit_text(register),
+    }
 
 
 # Rows of a register table
@@ -100,6 +109,8 @@ def writable_text(row: Register[Any]) -> str:
 
 def unit_step_text(row: Register[Any]) -> str:
     """Say what one raw unit is worth, and which raw value is 0 where that is not 0; empty where it has no unit."""
+    if isinstance(row.scale, Thermistor):
+        return f"not linear, raw {row.scale.full // 2} is 25 °C"
     if not isinstance(row.scale, Quantity):
         return ""
     value, symbol = shown(row.scale.step, row.unit)
@@ -127,7 +138,7 @@ def _choices_text(row: Register[Any]) -> str:
     if isinstance(scale, Switch):
         return "on or off"
     if isinstance(scale, Flags):
-        return "any of " + ", ".join(scale.show(flag) for flag in scale.options) + ", joined by +"
+        return "any of " + ", ".join(scale.show(flag) for flag in scale.used) + ", joined by +"
     if row.allowed is not None:
         return ", ".join(value_text(row, raw) for raw in row.allowed)
     low, high = row.limits

@@ -16,7 +16,7 @@ from functools import partial
 from numbers import Integral
 from typing import Any, ClassVar, Generic, Literal, TypeAlias, TypeVar
 
-from servobus.core.units import Quantity, Raw, Scale, Switch
+from servobus.core.units import Measure, Raw, Scale, Switch
 from servobus.core.values import frozen, replace
 from servobus.errors import BadReading, BadValue, UsageError
 
@@ -236,7 +236,7 @@ class Register(Generic[T]):
     def same_value(self, other: "Register[Any]") -> bool:
         """Tell whether a value of the other row means the same here: rad is rad, whatever one unit of it is."""
         mine, others = self.scale, other.scale
-        if isinstance(mine, Quantity) and isinstance(others, Quantity):
+        if isinstance(mine, Measure) and isinstance(others, Measure):
             return mine.unit == others.unit
         return mine == others
 

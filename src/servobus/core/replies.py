@@ -44,6 +44,8 @@ class ReplyCollector:
         """Good packets that are none of the replies, or a second one to the same question."""
         self.corrupt = self.junk = 0
         """Packets with a wrong checksum, and bytes that were no packet."""
+        self._lateness: dict[int, float] = {}
+        """Number of an exchange -> s by which the latest of its replies so far came later than its bits allow."""
         self._open = len(self.expected)
         self._given_up: dict[int, BusError] = {}
         self._places: dict[int | None, list[int]] = {}
@@ -150,6 +152,17 @@ class ReplyCollector:
         packets = [self.packets[k] for k in numbers if self.expected[k][0] is exchange]
         return sum(exchange.framing.overhead + len(packet.data) for packet in packets if packet is not None)
 
+    def later_than_before(self, owner: int, late: float) -> float | None:
+        """Tell how much later a reply of this exchange came, in s, than the replies before it made it come.
+
+        `late` is how much later than its bits allow. None if it came in one piece with one before it.
+        """
+        before = self._lateness.get(owner)
+        self._lateness[owner] = late if before is None else max(late, before)
+        if before is None:
+            return late
+        return late - before if late >= before else None
+
     # What it means
 
     def outcomes(self, older: Sequence[int] = ()) -> list[Any]:
@@ -195,7 +208,7 @@ class ReplyCollector:
         if sum(map(reply.fits, self.strangers)) > older:
             return self.duplicate(n)
         try:
-            return exchange.interpret(packet)
+            return exchange.interpreter(reply)(packet)
         except BusError as error:
             return error
 

@@ -60,8 +60,18 @@ class Scale(ABC, Generic[T]):
         return str(value)
 
 
+class Measure(Scale[float]):
+    """A scale of values with a unit that people read and write: 1.5 V is 1.5 V whatever the raw integer is."""
+
+    def parse(self, text: str) -> float:
+        return parse(text, self.unit)
+
+    def show(self, value: float) -> str:
+        return show(value, self.unit)
+
+
 @frozen
-class Quantity(Scale[float]):
+class Quantity(Measure):
     """value = (raw - zero) * step, in `unit`."""
 
     unit: str
@@ -77,11 +87,42 @@ class Quantity(Scale[float]):
             raise ValueError(f"{said(value)} is not a number to send")
         return round(steps) + self.zero
 
-    def parse(self, text: str) -> float:
-        return parse(text, self.unit)
 
-    def show(self, value: float) -> str:
-        return show(value, self.unit)
+@frozen
+class Thermistor(Measure):
+    """A temperature as a converter reads it from a thermistor in series with a resistor; hotter is higher.
+
+    The raw integer is the share of `full` that lies on the resistor, so `full` / 2 is 25 °C, where both have the same
+    resistance. `beta`, in kelvin, says how fast the resistance of the thermistor falls.
+
+        raw / (full - raw) = exp(beta * (1 / 298.15 K - 1 / T))
+    """
+
+    beta: float
+    full: int
+    unit: str = "degC"
+
+    def decode(self, raw: int) -> float:
+        # At either end the share says no more than that it is less than half a step away.
+        share = min(max(raw, _END), self.full - _END)
+        return 1 / (1 / _ROOM - math.log(share / (self.full - share)) / self.beta) - _ZERO_CELSIUS
+
+    def encode(self, value: float) -> int:
+        kelvin = _number(value) + _ZERO_CELSIUS
+        if not kelvin > 0:
+            raise ValueError(f"{said(value)} °C is below absolute zero")
+        exponent = self.beta * (1 / kelvin - 1 / _ROOM)
+        return round(self.full / (1 + math.exp(exponent))) if exponent < _COLD else 0
+
+
+_END = 0.499
+"""Share in steps that stands for the raw integers at the ends of a `Thermistor`: it is rounded to them again."""
+_ROOM = 298.15
+"""K at which the resistance of a thermistor is told: 25 °C."""
+_ZERO_CELSIUS = 273.15
+"""K that are 0 °C."""
+_COLD = 700.0
+"""Exponent from which on exp is close to the end of the range of float."""
 
 
 @frozen
@@ -188,9 +229,18 @@ class Choice(Scale[EnumT]):
 
 @frozen
 class Flags(Scale[FlagT]):
-    """A set of bits with names. Bits without a name are kept as they are."""
+    """A set of bits with names. Bits without a name are kept as they are.
+
+    unused  those of the options that mean nothing on the model at hand
+    """
 
     options: type[FlagT]
+    unused: int = 0
+
+    @property
+    def used(self) -> tuple[FlagT, ...]:
+        """The options that mean something."""
+        return tuple(option for option in self.options if not option & self.unused)
 
     def decode(self, raw: int) -> FlagT:
         return self.options(raw)
@@ -210,35 +260,42 @@ class Flags(Scale[FlagT]):
         for word in re.split(r"[+|,\s]+", text.strip()):
             if word.lower() in ("", "none"):
                 continue
-            try:
-                flags |= self.options[word.upper()]
-            except KeyError:
-                known = ", ".join(option.name.lower() for option in self.options if option.name)
-                raise ValueError(f"{word!r} is not one of {known}") from None
+            named = {option.name: option for option in self.used}
+            if word.upper() not in named:
+                known = ", ".join(name.lower() for name in named if name)
+                raise ValueError(f"{word!r} is not one of {known}")
+            flags |= named[word.upper()]
         return flags
 
     def show(self, value: FlagT) -> str:
-        names = [option.name.lower() for option in self.options if option in value and option.name]
-        rest = int(value) & ~sum(int(option) for option in self.options)
+        names = [option.name.lower() for option in self.used if option in value and option.name]
+        rest = int(value) & ~sum(int(option) for option in self.used)
         return "+".join(names + ([f"{rest:#04x}"] if rest else [])) or "none"
 
 
 @frozen
 class BaudDivisor(Scale[int]):
-    """value = clock / (raw + 1), rounded: how Dynamixel protocol 1.0 codes its speeds."""
+    """value = clock / (raw + 1), rounded: how Dynamixel protocol 1.0 codes its speeds.
+
+    `others` are codes that mean a speed of their own instead, each with that speed.
+    """
 
     clock: int
+    others: tuple[tuple[int, int], ...] = ()
     unit: str = "baud"
 
     def decode(self, raw: int) -> int:
-        return round(self.clock / (raw + 1))
+        return dict(self.others).get(raw) or round(self.clock / (raw + 1))
 
     def encode(self, value: int) -> int:
         if not _number(value) > 0:
             raise ValueError(f"{said(value)} is not a speed")
+        for code, speed in self.others:
+            if speed == value:
+                return code
         raw = round(min(self.clock / value, self.clock)) - 1  # the quotient by a tiny number is infinite
         # A code that misses the wanted speed by 3 % or more would leave the servo unreachable.
-        if raw < 0 or abs(self.clock / (raw + 1) / value - 1) >= 0.03:
+        if raw < 0 or raw in dict(self.others) or abs(self.clock / (raw + 1) / value - 1) >= 0.03:
             raise ValueError(f"no code comes within 3 % of {said(value)} baud")
         return raw
 
@@ -316,14 +373,17 @@ def said(value: object) -> str:
 _SHOWN: dict[str, tuple[str, float, int]] = {
     "rad": ("°", deg, 1),
     "rad/s": ("°/s", deg, 1),
+    "rad/s2": ("°/s²", deg, 1),
     "s": (" s", 1.0, 4),
     "V": (" V", 1.0, 1),
     "degC": (" °C", 1.0, 0),
     "1": (" %", 0.01, 1),
+    "A": (" A", 1.0, 4),
 }
 _WORDS: dict[str, dict[str, float]] = {
     "rad": {"": deg, "°": deg, "deg": deg, "rad": 1.0, "turn": 2 * math.pi},
     "rad/s": {"": deg, "°/s": deg, "deg/s": deg, "rad/s": 1.0, "rpm": rpm},
+    "rad/s2": {"": deg, "°/s²": deg, "deg/s2": deg, "rad/s2": 1.0},
     "s": {"": 1.0, "s": 1.0, "ms": ms, "us": 1e-6, "µs": 1e-6},
     "V": {"": 1.0, "v": 1.0, "mv": 1e-3},
     "degC": {"": 1.0, "°c": 1.0, "c": 1.0, "degc": 1.0},

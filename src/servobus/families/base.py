@@ -1,34 +1,38 @@
 """What every family of servos can do, whatever its bytes look like.
 
-A `Family` builds exchanges and procedures; it performs none. Verbs that all families share are methods
-here. What only one family can do is a function in its own module, under its manual's name.
+A `Family` builds exchanges and procedures; it performs none. Verbs that all families share are methods here:
+abstract where the bytes decide, else written by the rules in `motion`, `change` and `stopping`, which are the same for
+every family. What only one family can do is a function in its `protocol`, under its manual's name.
 """
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, TypeVar
 
-from servobus.core.exchange import Exchange, Now, Pause, Procedure, ReplyPattern, told
+from servobus.core.exchange import Exchange, Now, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Framing, Packet
-from servobus.core.registers import Area, Int, Register
-from servobus.core.units import deg, finite, said
+from servobus.core.ids import check_id
+from servobus.core.registers import Area, Register
 from servobus.core.values import frozen
-from servobus.errors import BadValue, BusError, NoReply, ServobusError, UsageError
-from servobus.families.change import before_told, check_pairs, pairs_touched
+from servobus.errors import BusError, NoReply
+from servobus.families import change, stopping
+from servobus.families.change import policy_register, set_registers
 from servobus.families.model import Model, Performance, SpecSheet
 from servobus.families.motion import (
     AxisMove,
     MotionStatus,
+    Reach,
     TorqueState,
-    begin_motion,
-    check_awake,
     check_hold,
     check_inside,
-    movement,
     no_torque,
 )
+from servobus.families.reading import Reading, adjacent, blocks, fetch, within
+from servobus.families.refusal import cannot, check_output, require_model, require_turning
+from servobus.families.stopping import LIMP, TRIES, TURNS_NO_MORE, StopOutcome
 from servobus.families.target import Answers, KnownServo, ServoRef
 
+# What a family is written with, to be had from here; each name lives in the module that it is imported from above.
 __all__ = [
     "LIMP",
     "TRIES",
@@ -41,6 +45,7 @@ __all__ = [
     "Model",
     "MotionStatus",
     "Performance",
+    "Reach",
     "Reading",
     "ServoRef",
     "SpecSheet",
@@ -53,21 +58,14 @@ __all__ = [
     "fetch",
     "policy_register",
     "require_model",
+    "require_turning",
     "within",
 ]
 
 T = TypeVar("T")
 
-TELL_MODEL = "say which it is: --model MODEL, models={id: MODEL} or attach(MODEL, id)"
-"""The remedy for a servo whose model is not known."""
 ASK_AGAIN = 0.02
 """s between two questions to a servo that does not answer yet."""
-TRIES = 3
-"""Times that a servo is told to stop, or to let go, before something else is done about it."""
-ANSWERED = 0.005
-"""s in which a servo has answered what was only told; assumption, at 57600 baud and more."""
-SLACK = 2 * deg
-"""Way to the nearer limit that a stop may make a servo go; assumption: about what a loaded shaft gives way."""
 
 
 @frozen
@@ -77,36 +75,6 @@ class Identity:
     number: int | None
     firmware: str
     answers: Answers
-
-
-@frozen
-class StopOutcome:
-    """What a stop did with a servo."""
-
-    text: str
-    """In words: "held at 201.5°", "let go: ..."."""
-    let_go: bool = False
-    """Whether its torque is off now, so that its shaft turns freely."""
-
-    def __str__(self) -> str:
-        return self.text
-
-
-LIMP = StopOutcome("it drives nothing: its torque was off", let_go=True)
-TURNS_NO_MORE = StopOutcome("it turns no more")
-
-
-@frozen
-class Reading:
-    """Registers to read: what is asked for them, and where each stands in the answers."""
-
-    exchanges: tuple[Exchange[bytes], ...]
-    places: tuple[tuple[int, slice, Int], ...]
-    """Of each register: which answer, which of its bytes, how they are laid out."""
-
-    def values(self, answers: Sequence[bytes]) -> list[int]:
-        """Give the raw values, in the order of the registers."""
-        return [layout.unpack(answers[n][part]) for n, part, layout in self.places]
 
 
 class Family(ABC):
@@ -133,10 +101,11 @@ class Family(ABC):
     """Raw value of torque_enable with which the servo is driven."""
     torque_rows: ClassVar[tuple[str, ...]] = ("torque_enable",)
     """Names of the registers that decide whether it is driven; see `torque_state`."""
+    mode_rows: ClassVar[tuple[str, ...]] = ()
+    """Names of the registers that tell, beside the limits, whether it turns without end, where a model has them; see
+    `is_turning`."""
     holds_outside_limits: ClassVar[bool] = False
     """Whether a servo whose torque comes on outside its limits holds where it is, and does not run to them."""
-    limits_turn: ClassVar[bool] = False
-    """Whether limits that are both 0 are endless turn."""
 
     def check_model(self, model: type[Model]) -> None:  # noqa: B027 - most families ask no more of a table
         """Raise TypeError for a table that the verbs of this family cannot use, when its class is made."""
@@ -151,6 +120,10 @@ class Family(ABC):
     def identify(self, id: int) -> Procedure[Identity]:
         """Ask a servo who it is. Raises NoReply if none answers."""
 
+    def number_text(self, number: int | None) -> str:
+        """Write a model number as people know it."""
+        return str(number)
+
     @abstractmethod
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
         """Give harmless questions, at least three, none of whose answers can be mistaken for another's.
@@ -164,9 +137,29 @@ class Family(ABC):
     def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         """Tell what to ask for these registers: as few exchanges as the family allows."""
 
+    def question(self, target: ServoRef, register: Register[T]) -> Exchange[T]:
+        """Make the one exchange that reads one register, in its unit."""
+        reading = self.reading(target, [register])
+        (exchange,), ((_, part, layout),) = reading.exchanges, reading.places
+        answer, unpack, decode = exchange.interpret, layout.unpacker(), register.decoder(target)
+        return exchange.mapped(lambda packet: decode(unpack(answer(packet)[part])))
+
     def read(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
         """Read raw values."""
         return fetch(self.reading(target, registers))
+
+    def read_values(self, target: ServoRef, names: Iterable[str]) -> Procedure[dict[str, int]]:
+        """Read raw values by the names of their registers."""
+        rows = {name: target.model.register(name) for name in names}
+        return dict(zip(rows, (yield from self.read(target, list(rows.values()))), strict=True))
+
+    def read_stored(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
+        """Read the values that survive power-off, where they can differ from those that act now."""
+        return self.read(target, registers)
+
+    def stored_is_told(self, register: Register[Any]) -> bool:  # noqa: ARG002 - one register cannot
+        """Tell whether what `read_stored` gives for this register is what survives power-off."""
+        return True
 
     def write(self, target: KnownServo, values: Mapping[Register[Any], int]) -> Procedure[None]:
         """Write raw values where they act at once, in as few exchanges as the family allows.
@@ -175,32 +168,14 @@ class Family(ABC):
         often lately, UsageError if the servo has locked it. What moves the servo obeys the rules of moves, see
         `servobus.families.motion`; torque comes on as with `torque`.
         """
-        yield from self._write_moving(target, values, keep=False)
+        return change.write(target, values, keep=False)
 
     def store(self, target: KnownServo, values: Mapping[Register[Any], int]) -> Procedure[None]:
-        """Write raw values where they survive power-off, if they differ from what is there; see `write`."""
-        for register in values:
-            if not self.wears(register, keep=True):
-                raise UsageError(
-                    f"{register.model} {register.name} lives in RAM and is not saved: it is lost at power-off"
-                )
-        yield from self._write_moving(target, values, keep=True)
+        """Write raw values where they survive power-off, if they differ from what is there; see `write`.
 
-    def _write_moving(self, target: KnownServo, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
-        """Write what may move the servo, by the rules of moves."""
-        torque = target.model.register("torque_enable")
-        waking = torque in values and self.torque_on(values[torque])
-        others = {row: raw for row, raw in values.items() if row is not torque or not (waking or raw == 0)}
-        if torque in values and values[torque] == 0:
-            yield from self.let_go(target)
-        if others:
-            if (yield from movement(target, others)) is not None:
-                begin_motion(target)
-            if target.model.register("goal_position") in others:  # what a move has set for itself is not for this goal
-                others = target.record.lent | others
-            yield from self._set(target, others, keep=keep)
-        if waking:
-            yield from self.torque(target, on=True)
+        Raises UsageError for a register that lives in RAM alone.
+        """
+        return change.write(target, values, keep=True)
 
     @abstractmethod
     def put(
@@ -215,9 +190,9 @@ class Family(ABC):
         """Tell whether writing this register, for good or for now, goes to the EEPROM."""
         return register.area is Area.EEPROM
 
-    def stored_is_told(self, register: Register[Any]) -> bool:  # noqa: ARG002 - one register cannot
-        """Tell whether what `read_stored` gives for this register is what survives power-off."""
-        return True
+    def check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:  # noqa: ARG002
+        """Raise UsageError if the servo has locked its EEPROM. Most families have no lock."""
+        yield from ()
 
     def await_eeprom(self, target: ServoRef, size: int) -> Procedure[None]:
         """Wait until a servo hears again of which `size` bytes of EEPROM were written just now. Raises NoReply."""
@@ -239,77 +214,58 @@ class Family(ABC):
             else:
                 return
 
-    def _set(self, target: KnownServo, values: Mapping[Register[Any], int], *, keep: bool = False) -> Procedure[None]:
-        """Write with care for EEPROM and record, and without asking what it moves: for verbs that see to that.
+    # What it does now
 
-        Every write of registers but `put` and what stops a servo comes through here.
-        """
-        record = target.record
-        yield from self._check_limits(target, values, keep=keep)
-        worn = [register for register in values if self.wears(register, keep=keep)]
-        before: dict[Register[Any], int] = {}
-        if worn and target.answers is not Answers.NOTHING:  # what cannot be read cannot be compared
-            before = dict(zip(worn, (yield from self.read_stored(target, worn)), strict=True))
-        same = frozenset(row for row, raw in before.items() if raw == values[row] and self.stored_is_told(row))
-        fresh = [register for register in worn if register not in same]
-        if fresh:
-            record.check_wear(str(target), fresh)
-            yield from self._check_unlocked(target, fresh)
-        in_ram = {register: raw for register, raw in values.items() if not register.volatile and register.acts_in_ram}
-        record.forget(in_ram)  # until it is known that they arrived
-        for register in values:
-            record.lent.pop(register, None)
-        try:
-            with before_told({row: before[row] for row in fresh if row in before}):
-                for part in _policy_last(target.model, values):
-                    yield from self.put(target, part, keep=keep, same=same)
-        except ServobusError:
-            record.wrote(fresh)  # they may have arrived
-            raise
-        record.wrote(fresh)
-        record.set(in_ram)
-        torque = target.model.register("torque_enable")
-        if torque in values and self.torque_on(values[torque]):
-            record.restarted = False
-
-    def _check_limits(self, target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool) -> Procedure[None]:
-        """Refuse limits that would cross those beside which they are written, or which the servo has. Raises BadValue.
-
-        What a servo that answers nothing has cannot be known, and is not compared.
-        """
-        pairs = pairs_touched(target.model, values)
-        others = [row for pair in pairs for row in pair.rows(target.model) if row not in values]
-        if others and target.answers is not Answers.NOTHING:
-            have = yield from (self.read_stored if keep else self.read)(target, others)
-            values = {**values, **dict(zip(others, have, strict=True))}
-        check_pairs(target.model, values, str(target))
-
-    def _check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:  # noqa: ARG002
-        """Raise UsageError if the servo has locked its EEPROM. Most families have no lock."""
-        yield from ()
-
-    def read_stored(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
-        """Read the values that survive power-off, where they can differ from those that act now."""
-        return self.read(target, registers)
-
-    # Motion
-
-    @abstractmethod
     def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
         """Read what a move must know."""
+        modes = (name for name in self.mode_rows if name in target.model.registers)
+        names = ("present_position", "min_position", "max_position", *modes, *self.torque_rows)
+        return self.status_of(target, (yield from self.read_values(target, names)))
 
-    def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
-        """Tell whether the servo is driven from the values, by name, of the `torque_rows`."""
-        return TorqueState(bool(values["torque_enable"]))
+    def status_of(self, target: ServoRef, raw: Mapping[str, int]) -> MotionStatus:
+        """Tell what a move must know from the raw values, by name, of position, limits, `mode_rows`, `torque_rows`."""
+        position: float = target.model.register("present_position").decode(raw["present_position"])
+        torque, reach = self.torque_state(raw), self.reach(target.model, raw["min_position"], raw["max_position"])
+        turning = reach.turning or self.is_turning(raw)
+        return MotionStatus(position, torque.on, reach.low, reach.high, turning, torque.shutdown)
+
+    def reach(self, model: type[Model], low: int, high: int) -> Reach:  # noqa: ARG002 - mostly they are what they say
+        """Tell what two raw position limits mean: which goals a servo takes, or that it turns without end."""
+        return Reach(low, high)
+
+    def multi_turn_limits(self, model: type[Model]) -> tuple[int, int] | None:  # noqa: ARG002 - most have none
+        """Give the raw position limits with which a servo counts its goals over several turns; None if none do."""
+        return None
+
+    def is_turning(self, values: Mapping[str, int]) -> bool:  # noqa: ARG002 - not every family has a mode for that
+        """Tell whether a mode makes a servo turn without end, from the raw values, by name, of the `mode_rows`."""
+        return False
 
     def read_torque(self, target: ServoRef) -> Procedure[TorqueState]:
         """Read whether the servo is driven."""
         return self.torque_state((yield from self.read_values(target, self.torque_rows)))
 
-    def read_values(self, target: ServoRef, names: Iterable[str]) -> Procedure[dict[str, int]]:
-        """Read raw values by the names of their registers."""
-        rows = {name: target.model.register(name) for name in names}
-        return dict(zip(rows, (yield from self.read(target, list(rows.values()))), strict=True))
+    def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
+        """Tell whether the servo is driven from the values, by name, of the `torque_rows`."""
+        return TorqueState(bool(values["torque_enable"]))
+
+    def torque_on(self, raw: int) -> bool:
+        """Tell from a raw value of torque_enable whether it is the one with which the servo is driven."""
+        return raw == self.driven
+
+    @abstractmethod
+    def moving(self, target: ServoRef) -> Procedure[bool]:
+        """Tell whether the servo still moves towards its goal."""
+
+    @abstractmethod
+    def push(self, target: ServoRef) -> Procedure[float]:
+        """Read how hard the servo pushes, as a share 0 .. 1 of the output that it is allowed now."""
+
+    @abstractmethod
+    def read_alarms(self, target: ServoRef) -> Procedure[int]:
+        """Ask which alarms stand now, as the family's own flags."""
+
+    # Moves
 
     def check_axis(self, axis: AxisMove) -> None:  # noqa: B027 - most families have nothing to add
         """Raise BadValue for a leg that this family cannot do, beyond what limits and times tell."""
@@ -326,9 +282,39 @@ class Family(ABC):
         fast as possible.
         """
 
+    def borrow(self, target: KnownServo) -> Procedure[None]:
+        """Note what the speed, or time, of moves is in the servo, before a move sets its own."""
+        row = target.model.optional("goal_speed") or target.model.optional("goal_time")
+        if row is not None and row not in target.record.lent:
+            (target.record.lent[row],) = yield from self.read(target, [row])
+
+    def give_back(self, target: KnownServo) -> Procedure[None]:
+        """Set the speed, or time, of moves again that `borrow` noted, if that moves nothing."""
+        if target.record.lent:
+            yield from set_registers(target, dict(target.record.lent))
+
     @abstractmethod
-    def moving(self, target: ServoRef) -> Procedure[bool]:
-        """Tell whether the servo still moves towards its goal."""
+    def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
+        """Turn without end: wheel, motor or infinite turn mode. The torque must be on.
+
+        `speed` in rad/s where the servo controls its speed, `output` as a share -1 .. 1 of full output where
+        it does not. Positive is the direction in which the position grows.
+        """
+
+    def turn_by_current(self, target: KnownServo, current: float) -> Procedure[None]:  # noqa: ARG002
+        """Turn with a current in A, as long as nothing holds the shaft: torque control. The torque must be on."""
+        yield from ()  # a procedure without steps
+        raise cannot(target, "turn with a given current", "it does not control its current")
+
+    @abstractmethod
+    def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
+        """Come back from `turn` and hold the present position. `limits` are raw position limits to set.
+
+        Nothing moves, whatever goal the servo remembers. Raises OutsideLimits, before anything is written, if it has
+        torque and would run to the nearest of the new limits.
+        """
+
+    # Stops
 
     def stop(self, target: KnownServo) -> Procedure[StopOutcome]:
         """End the motion, whatever state the servo is in: hold it where it is, or let go of it.
@@ -336,19 +322,14 @@ class Family(ABC):
         It is held by `hold`. Where that fails, for an answer is lost, makes no sense or says no, its torque is switched
         off. Raises BusError only if nothing shows that this has arrived: then the servo may still move.
         """
-        try:
-            return (yield from self.hold(target))
-        except (BusError, ValueError) as error:
-            why = str(error)
-        yield from self.let_go(target)
-        return StopOutcome(f"let go, its torque is off: it could not be held ({why})", let_go=True)
+        return stopping.stop(target)
 
     @abstractmethod
     def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
-        """End the motion and hold the present position, or the nearest one that its limits allow; see `reachable`.
+        """End the motion and hold the present position, or the nearest one that its limits allow.
 
-        Makes sure that it was heard. Not subject to `max_step`, nor recorded. Raises BusError, or UsageError for a
-        servo that answers no reads; `stop` goes on from there.
+        What is near enough `servobus.families.stopping` tells. Makes sure that it was heard. Not subject to `max_step`,
+        nor recorded. Raises BusError, or UsageError for a servo that answers no reads; `stop` goes on from there.
         """
 
     def let_go(self, target: KnownServo) -> Procedure[None]:
@@ -357,49 +338,14 @@ class Family(ABC):
         Of a servo that answers no reads it is only made sure that it is there. Raises BusError if its torque may still
         be on.
         """
-        torque = target.model.register("torque_enable")
-        target.record.forget([torque])
-        error: BusError | None = None
-        for attempt in range(TRIES):
-            try:
-                if attempt == 0:
-                    yield from self.put(target, {torque: 0}, keep=False)
-                    if target.answers is Answers.EVERYTHING:
-                        break
-                else:
-                    # What is answered waits for a quiet line, and for old answers; what is only told does not.
-                    yield from told(self.put(target, {torque: 0}, keep=False))
-                    yield Pause(ANSWERED)
-                if target.answers is not Answers.NOTHING:
-                    (raw,) = yield from self.read(target, [torque])
-                    if not self.torque_on(raw):
-                        break
-                    error = BusError(f"{target}: its torque is still on")
-            except BusError as trouble:
-                error = trouble
-        else:
-            if target.answers is Answers.NOTHING:
-                yield from self.ping(target.id)
-            elif error is not None:
-                raise error
-        target.record.set({torque: 0})
+        return stopping.let_go(target)
 
-    def reachable(self, target: ServoRef, status: MotionStatus) -> int | None:
-        """Give the raw goal that holds a servo where it is.
+    def brake(self, target: KnownServo) -> Procedure[None]:
+        """Short the motor. Raises UsageError where the family cannot, BusError if nothing shows that it did."""
+        yield from ()  # a procedure without steps
+        raise cannot(target, "brake", "nothing in it shorts the motor; hold or free it")
 
-        Outside its limits that is the nearer limit; None if that is farther off than SLACK, for it would move.
-        """
-        row = target.model.register("goal_position")
-        here = row.scale.encode(status.position)
-        goal = min(max(here, status.low), status.high)
-        return goal if abs(row.decode(goal) - row.decode(here)) <= SLACK else None
-
-    def outside(self, target: KnownServo, status: MotionStatus) -> Procedure[StopOutcome]:
-        """Let go of a servo that cannot be held because it stands outside its limits."""
-        row = target.model.register("goal_position")
-        yield from self.let_go(target)
-        where, low, high = (row.show(angle) for angle in (status.position, *map(row.decode, (status.low, status.high))))
-        return StopOutcome(f"let go, its torque is off: it stood at {where}, outside its limits {low} .. {high}", True)
+    # Torque
 
     def torque(self, target: KnownServo, on: bool) -> Procedure[None]:
         """Switch torque. With it nothing moves: goal := present position first. One that has it is left as it is.
@@ -431,18 +377,7 @@ class Family(ABC):
 
     def _drive(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:  # noqa: ARG002 - see HerkuleX
         """Tell a servo to switch its torque on."""
-        yield from self._set(target, {target.model.register("torque_enable"): self.driven})
-
-    def borrow(self, target: KnownServo) -> Procedure[None]:
-        """Note what the speed, or time, of moves is in the servo, before a move sets its own."""
-        row = target.model.optional("goal_speed") or target.model.optional("goal_time")
-        if row is not None and row not in target.record.lent:
-            (target.record.lent[row],) = yield from self.read(target, [row])
-
-    def give_back(self, target: KnownServo) -> Procedure[None]:
-        """Set the speed, or time, of moves again that `borrow` noted, if that moves nothing."""
-        if target.record.lent:
-            yield from self._set(target, dict(target.record.lent))
+        yield from set_registers(target, {target.model.register("torque_enable"): self.driven})
 
     @abstractmethod
     def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
@@ -450,26 +385,6 @@ class Family(ABC):
 
         The servo stands within its limits, or holds outside of them by itself. Raises BusError if it did not take that:
         with torque it might run to another goal.
-        """
-
-    def brake(self, target: KnownServo) -> Procedure[None]:
-        """Short the motor. Raises UsageError where the family cannot, BusError if nothing shows that it did."""
-        yield from ()  # a procedure without steps
-        raise cannot(target, "brake", "nothing in it shorts the motor; hold or free it")
-
-    @abstractmethod
-    def push(self, target: ServoRef) -> Procedure[float]:
-        """Read how hard the servo pushes, as a share 0 .. 1 of the output that it is allowed now."""
-
-    @abstractmethod
-    def read_alarms(self, target: ServoRef) -> Procedure[int]:
-        """Ask which alarms stand now, as the family's own flags."""
-
-    @abstractmethod
-    def end_shutdown(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
-        """Clear what keeps the torque off, by the family's own rule; the torque is off then, unless it was on.
-
-        Raises Refused, with the alarms as flags, if what switched it off is still there.
         """
 
     def rearm(self, target: KnownServo) -> Procedure[None]:
@@ -485,34 +400,11 @@ class Family(ABC):
         if not motion_status.torque:
             yield from self.torque(target, on=True)
 
-    def torque_on(self, raw: int) -> bool:
-        """Tell from a raw value of torque_enable whether it is the one with which the servo is driven."""
-        return raw == self.driven
-
-    def about_to_turn(self, target: KnownServo) -> Procedure[MotionStatus]:
-        """Make sure that the servo would turn, and take note that it does. Raises TorqueOff, Stopped or Restarted."""
-        target.permit.ask()
-        check_awake(target)
-        motion_status = yield from self.motion_status(target)
-        if not motion_status.torque:
-            raise no_torque(target, motion_status.shutdown)
-        begin_motion(target)
-        return motion_status
-
     @abstractmethod
-    def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
-        """Turn without end: wheel, motor or infinite turn mode. The torque must be on.
+    def end_shutdown(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
+        """Clear what keeps the torque off, by the family's own rule; the torque is off then, unless it was on.
 
-        `speed` in rad/s where the servo controls its speed, `output` as a share -1 .. 1 of full output where
-        it does not. Positive is the direction in which the position grows.
-        """
-
-    @abstractmethod
-    def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
-        """Come back from `turn` and hold the present position. `limits` are raw position limits to set.
-
-        Nothing moves, whatever goal the servo remembers. Raises OutsideLimits, before anything is written, if it has
-        torque and would run to the nearest of the new limits.
+        Raises Refused, with the alarms as flags, if what switched it off is still there.
         """
 
     # Light, life and identity
@@ -535,15 +427,15 @@ class Family(ABC):
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         """Restore factory settings, less what is kept ("id", "baud", "calibration"). Gives the new id and baud."""
 
-    @abstractmethod
     def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
         """Change the id for good."""
+        yield from set_registers(target, {target.model.register("id"): check_id(id)})
 
     @abstractmethod
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         """Change the speed for good; the servo is on its way to the new speed when the procedure ends."""
 
-    # Explaining
+    # For those who listen
 
     @abstractmethod
     def explain(self, packet: Packet, request: Packet | None = None, model: type[Model] | None = None) -> str:
@@ -567,75 +459,3 @@ class Family(ABC):
 
         Empty where nothing answers; None if the packet can be no request.
         """
-
-
-def fetch(reading: Reading) -> Procedure[list[int]]:
-    """Ask for registers; gives their raw values."""
-    answers: list[bytes] = []
-    for exchange in reading.exchanges:
-        answers += [(yield from exchange)]
-    return reading.values(answers)
-
-
-def check_output(output: float) -> float:
-    """Give a share of full output back, or raise BadValue."""
-    share = finite(output)
-    if share is None or not -1 <= share <= 1:
-        raise BadValue(f"output {said(output)} is not a share of full output, -1 .. 1")
-    return share
-
-
-def policy_register(model: type[Model]) -> Register[Any] | None:
-    """Give the register that says which requests a servo answers; None for a model that has none."""
-    return model.optional("answer_level")
-
-
-def cannot(target: ServoRef, what: str, why: str) -> UsageError:
-    """Make the error for a verb that a family does not have."""
-    return UsageError(f"{target} cannot {what}: {why}")
-
-
-def require_model(target: ServoRef, what: str) -> None:
-    """Raise UsageError if it is not known what an angle is on this servo, for its model is not known."""
-    if target.model.unscaled("goal_position"):
-        raise UsageError(
-            f"{target} cannot {what} as long as its model is not known, for each model has its own units; {TELL_MODEL}"
-        )
-
-
-def blocks(spans: Iterable[tuple[int, int]], *, gap: int, longest: int) -> list[tuple[int, int]]:
-    """Join (address, size) spans into blocks (address, size) that bridge at most `gap` unwanted bytes."""
-    joined: list[tuple[int, int]] = []
-    for address, size in sorted(spans):
-        if joined:
-            start, length = joined[-1]
-            end = max(start + length, address + size)
-            if address - (start + length) <= gap and end - start <= longest:
-                joined[-1] = (start, end - start)
-                continue
-        joined.append((address, size))
-    return joined
-
-
-def within(spans: Sequence[tuple[int, int]], address: int) -> tuple[int, int]:
-    """Find the block that holds an address: its number, and how far into it the address is."""
-    return next((n, address - start) for n, (start, size) in enumerate(spans) if start <= address < start + size)
-
-
-def _policy_last(model: type[Model], values: Mapping[Register[Any], int]) -> list[Mapping[Register[Any], int]]:
-    """Part what is to be written: which requests are answered comes last, since what follows would go by it."""
-    policy = policy_register(model)
-    if policy is None or policy not in values or len(values) == 1:
-        return [values]
-    return [{register: raw for register, raw in values.items() if register is not policy}, {policy: values[policy]}]
-
-
-def adjacent(parts: Mapping[int, bytes]) -> list[tuple[int, bytes]]:
-    """Join (address, data) parts that touch into one write each."""
-    runs: list[tuple[int, bytes]] = []
-    for address, data in sorted(parts.items()):
-        if runs and runs[-1][0] + len(runs[-1][1]) == address:
-            runs[-1] = (runs[-1][0], runs[-1][1] + data)
-        else:
-            runs.append((address, data))
-    return runs

@@ -5,7 +5,7 @@ from typing import Any
 
 from servobus.core.ids import BROADCAST
 from servobus.core.registers import Register
-from servobus.families.base import Model
+from servobus.families.model import Model
 
 
 def servo(id: int) -> str:
@@ -22,6 +22,11 @@ def id_list(ids: Iterable[int]) -> str:
     """Name several servos: id 1; ids 1, 2."""
     listed = [str(id) for id in ids]
     return f"id{'s' * (len(listed) > 1)} {', '.join(listed)}"
+
+
+def junk_text(raw: bytes) -> str:
+    """Say how much it is that is no packet."""
+    return f"JUNK: {len(raw)} bytes that are no packet" if len(raw) > 1 else "JUNK: a byte that is no packet"
 
 
 def show_bytes(data: bytes) -> str:

@@ -201,10 +201,14 @@ class Model:
     """Longest time in seconds that one timed move can take; None if moves are given by speed."""
     turn_scale: ClassVar[Quantity]
     """Scale of the number that turns it without end: a speed ("rad/s"), or a share of full output ("1")."""
+    turns: ClassVar[bool] = True
+    """Whether it can turn without end."""
     limit_pairs: ClassVar[tuple[LimitPair, ...]] = (POSITION_LIMITS, VOLTAGE_LIMITS)
     """Registers of which one must be below the other."""
     brakes: ClassVar[bool] = False
     """Whether it can brake: short its motor, so that the shaft turns only slowly."""
+    answers_together: ClassVar[bool] = False
+    """Whether it can be read along with others by one request, which they answer one behind the other."""
     firmware: ClassVar[str] = ""
     """The class of its virtual servo, a `VirtualServo`; "" for a model that cannot be simulated."""
     practice: ClassVar[Mapping[str, Any]] = {}
@@ -213,8 +217,7 @@ class Model:
     generic: ClassVar[bool] = False
     """Whether it stands for servos of the family whose model is not known. A model made from it is known again."""
     motors: ClassVar[str] = ""
-    """Its sets of motor data: a dict, name of a set -> MotorParams, the first by default. A model with a sheet of its
-    own that names none gets a motor made up from that sheet, not the one of its parent."""
+    """What is known of the motors of its family: key of a model -> `MotorData`. All else is derived from the sheet."""
 
     registers: ClassVar[dict[str, Register[Any]]] = {}
     """Every row once, by its own name."""

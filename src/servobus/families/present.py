@@ -1,17 +1,15 @@
-"""Models, servos and packets as JSON and as sentences, for the command line, web pages and recordings alike.
+"""Models and servos as JSON and as sentences, for the command line, web pages and recordings alike.
 
-What concerns single registers is in servobus.core.present, what concerns traffic in servobus.traffic.present; this
-part needs to know what a model is, which the core does not. Nothing is printed here.
+What concerns single registers is in servobus.core.present, packets in servobus.families.explain, traffic in
+servobus.traffic.present. This part needs to know what a model is, which the core does not. Nothing is printed here.
 """
 
 from typing import Any
 
 from servobus.core.present import aspects, place_text
 from servobus.core.units import show, shown
-from servobus.families.base import Family, Model
-from servobus.families.model import Performance
-
-# Servos and models
+from servobus.families.base import Family
+from servobus.families.model import Model, Performance
 
 
 def servo_entry(family: Family, model: type[Model] | None, id: int, baud: int, firmware: str) -> dict[str, Any]:
@@ -124,11 +122,3 @@ def differences(one: type[Model], other: type[Model]) -> list[tuple[str, str, st
         mine, others = aspects(here), aspects(there)
         found += [(name, what, mine[what] or "-", others[what] or "-") for what in mine if mine[what] != others[what]]
     return found
-
-
-# Packets
-
-
-def junk_text(raw: bytes) -> str:
-    """Say how much it is that is no packet."""
-    return f"JUNK: {len(raw)} bytes that are no packet" if len(raw) > 1 else "JUNK: a byte that is no packet"

@@ -18,11 +18,21 @@ from typing import TypeVar
 
 from servobus.errors import UnknownName, UsageError
 from servobus.families.base import Family, Model
+from servobus.families.dynamixel.models.ax import AX12A, AX12W, AX18A
+from servobus.families.dynamixel.models.dx import DX113, DX116, DX117
+from servobus.families.dynamixel.models.ex import EX106P
+from servobus.families.dynamixel.models.mx import MX12W, MX28, MX64, MX106
+from servobus.families.dynamixel.models.rx import RX10, RX24F, RX64
 from servobus.families.dynamixel.models.rx28 import RX28
 from servobus.families.dynamixel.models.table import UnknownDynamixel
-from servobus.families.herkulex.models.drs0602 import DRS0602
+from servobus.families.herkulex.models.magnetic import DRS0402, DRS0602
+from servobus.families.herkulex.models.small import DRS0101, DRS0201
 from servobus.families.herkulex.models.table import UnknownHerkulex
-from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.families.herkulex.models.x01 import DRS0401, DRS0601
+from servobus.families.lewansoul.models.htd import HTD35H, HTD45H
+from servobus.families.lewansoul.models.hts import HTS16L, HTS20H, HTS20L, HTS21H, HTS30HS, HTS35H
+from servobus.families.lewansoul.models.hx import HX06L, HX12H, HX20L, HX35H
+from servobus.families.lewansoul.models.lx import LX15D, LX16A, LX224, LX224HV, LX225, LX824, LX824HV, LX1501
 from servobus.families.lewansoul.models.table import UnknownLx
 from servobus.families.model import key_of
 
@@ -162,14 +172,29 @@ def model(name: str) -> type[Model]:
 
     Raises UnknownName.
     """
-    key = key_of(name)
-    found = MODELS.get(key) or next((model for model in MODELS.values() if key in map(key_of, model.names)), None)
+    found = _called(name)
     if found is None:
         generic = {model.key(): model for model in GENERIC.values()}
-        found = generic.get(key)
+        found = generic.get(key_of(name))
         if found is None:
             raise UnknownName(_no_such("model", name, [*MODELS, *generic]))
     return found
+
+
+def simulated(name: str) -> type[Model]:
+    """Find a model that has a virtual servo, as people write it. Raises UnknownName, which offers those that have."""
+    found = _called(name)
+    if found is not None and found.firmware:
+        return found
+    if found is None and key_of(name) not in {one.key() for one in GENERIC.values()}:
+        raise UnknownName(_no_such("model", name, [key for key, one in MODELS.items() if one.firmware]))
+    raise UnknownName(f"there is no virtual servo for {name!r}; `servobus models` lists the models")
+
+
+def _called(name: str) -> type[Model] | None:
+    """Find a model by one of its names."""
+    key = key_of(name)
+    return MODELS.get(key) or next((model for model in MODELS.values() if key in map(key_of, model.names)), None)
 
 
 def family(name: str) -> Family:
@@ -201,7 +226,11 @@ def unknown(family: Family, number: int | None = None) -> type[Model] | None:
         return generic
     made = _numbered.get((family.name, number))
     if made is None or not issubclass(made, generic):
-        body = {"title": generic.title.replace("model unknown", f"model {number}"), "number": number, "generic": True}
+        body = {
+            "title": generic.title.replace("model unknown", f"model {family.number_text(number)}"),
+            "number": number,
+            "generic": True,
+        }
         made = _numbered[family.name, number] = type(f"{generic.__name__}{number}", (generic,), body)
     return made
 
@@ -259,6 +288,10 @@ def _one_slip(one: str, other: str) -> bool:
 
 
 add(RX28, DRS0602, LX16A, UnknownDynamixel, UnknownHerkulex, UnknownLx)
+add(AX12A, AX12W, AX18A, RX10, RX24F, RX64, EX106P, DX113, DX116, DX117, MX28, MX64, MX106, MX12W)
+add(DRS0101, DRS0201, DRS0401, DRS0402, DRS0601)
+add(LX15D, LX224, LX224HV, LX225, LX824, LX824HV, LX1501)
+add(HTS20H, HTS16L, HTS20L, HTS21H, HTS30HS, HTS35H, HTD35H, HTD45H, HX12H, HX06L, HX20L, HX35H)
 
 __all__ = [
     "DRS0602",
@@ -277,5 +310,6 @@ __all__ = [
     "model",
     "models_of",
     "names",
+    "simulated",
     "unknown",
 ]

@@ -23,6 +23,11 @@ class ServoRef:
     model: type[Model]
     answers: Answers
 
+    @property
+    def answers_writes(self) -> bool:
+        """Whether it answers what writes to it, not only what reads it."""
+        return self.answers is Answers.EVERYTHING
+
     def __str__(self) -> str:
         return self.model.named(f"id {self.id}")
 
@@ -53,6 +58,3 @@ class KnownServo(ServoRef):
 
     def __hash__(self) -> int:
         return object.__hash__(self)
-
-    def __str__(self) -> str:
-        return self.model.named(f"id {self.id}")

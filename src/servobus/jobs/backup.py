@@ -11,6 +11,7 @@ from servobus.errors import NotRestored, Refused, UsageError
 from servobus.families import registry
 from servobus.families.base import Answers, KnownServo, Model, ServoRef, policy_register, require_model
 from servobus.families.change import said
+from servobus.jobs.make_safe import let_go
 
 
 @frozen
@@ -122,7 +123,7 @@ def settings(model: type[Model]) -> list[Register[Any]]:
 
 
 def identity_names(model: type[Model]) -> set[str]:
-    """Name the registers that say who a servo is rather than how it behaves."""
+    """Name the registers that say which servo it is rather than how it behaves."""
     return {row.name for row in (model.register("id"), model.optional("baud")) if row is not None}
 
 
@@ -197,8 +198,7 @@ def restore(target: KnownServo, saved: Backup, *, torque_off: bool = False) -> P
             "switched off with torque_off=True; nothing was written"
         )
     if found.changes and (found.driven or found.returns):
-        yield from target.model.family.torque(target, on=False)
-        target.permit.mark_idle()
+        yield from let_go(target)
     policy = policy_register(target.model)
     last = {row: raw for row, raw in found.changes.items() if row is policy}
     first = {row: raw for row, raw in found.changes.items() if row is not policy}

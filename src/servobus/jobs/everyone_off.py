@@ -1,4 +1,4 @@
-"""Torque off without looking for anybody: told to every id, or to one, at every speed.
+"""Torque off without looking for servos: told to every id, or to one, at every speed.
 
 Servos of several families on one wire hear what is meant for the others, and bytes at another speed as garbage. What
 one takes for the start of a packet makes it miss the next bytes, up to the length of its longest packet. So each
@@ -9,12 +9,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 
 from servobus.core.exchange import Exchange, Pause, Procedure, SetBaud, told
+from servobus.core.framing import BITS_PER_BYTE
 from servobus.core.ids import BROADCAST
 from servobus.families.base import Answers, Family, Model, ServoRef
 
 LONGEST_FLUSH = 0.06
-"""s of flush before one request at most. Assumption: who is deaf for longer has given up by the second round."""
-FLUSH, BITS_PER_BYTE = b"\x00", 10
+"""s of flush before one request at most. Assumption: a servo that waits for the rest of a packet
+for longer has given up by the second round."""
+FLUSH = b"\x00"
 APART = 1.05
 """Ratio of two speeds that are told, at least: servos understand speeds that are 3 % off (RX-28 manual 3-4-1)."""
 
@@ -39,7 +41,7 @@ def everyone_off(
     """Tell servos at one speed to switch their torque off. Nothing answers, and nothing tells whether it was heard.
 
     models  name of a family -> models that its servos may be of
-    id      who is told; all by default
+    id      servo that is told; all by default
     flush   s that may be spent before each request to make what was heard before it harmless
     """
     yield SetBaud(baud)

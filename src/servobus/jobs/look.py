@@ -58,7 +58,7 @@ def look(target: ServoRef) -> Procedure[Snapshot]:
 
 
 def identify_at(family: Family, id: int, baud: int) -> Procedure[Identity]:
-    """Ask a servo who it is, at a given speed."""
+    """Ask a servo at a given speed what it is, and how it answers."""
     yield SetBaud(baud)
     return (yield from family.identify(id))
 

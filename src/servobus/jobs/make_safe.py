@@ -6,6 +6,7 @@ switched off where nothing else works.
 """
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from typing import TypeAlias
 
 from servobus.core.exchange import Procedure, SetBaud
@@ -41,7 +42,24 @@ def stop_all(targets: Iterable[KnownServo]) -> Procedure[Outcomes]:
             outcomes[target] = yield from stop(target)
         except BusError as error:
             outcomes[target] = error
+    for target, outcome in outcomes.items():  # when all have stopped, for it delays none then
+        if isinstance(outcome, StopOutcome) and not outcome.let_go:
+            yield from give_back(target)
     return outcomes
+
+
+def let_go(target: KnownServo) -> Procedure[None]:
+    """Switch the torque of a servo off, and take note that nothing drives it; see `Family.let_go`."""
+    yield from target.model.family.let_go(target)
+    target.permit.mark_idle()
+
+
+def give_back(target: KnownServo) -> Procedure[None]:
+    """Set the speed of moves again that stood in a servo before a move; where that fails the next write does it."""
+    if target.record.lent:
+        yield SetBaud(target.baud)
+        with suppress(BusError):
+            yield from target.model.family.give_back(target)
 
 
 def make_safe(target: KnownServo, action: SafeAction) -> Procedure[StopOutcome]:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from numbers import Real
 from typing import NoReturn
 
@@ -12,7 +11,8 @@ from servobus.core.units import deg, finite, said, show
 from servobus.errors import BadValue, BusError, MoveTimeout, ServobusError, Stopped, TorqueOff, UsageError
 from servobus.families.base import AxisMove, KnownServo, ServoRef, require_model
 from servobus.families.motion import check_goal, inside_limits, no_torque, raw_position
-from servobus.jobs.make_safe import stop, stop_all
+from servobus.families.record import MotionPermit
+from servobus.jobs.make_safe import give_back, stop, stop_all
 
 DEFAULT_SPEED = 90 * deg
 """Speed of a move that names neither time nor speed: brisk enough to see, gentle enough for a first try. It is exceeded
@@ -155,8 +155,7 @@ def start_move(move: PlannedMove) -> Procedure[None]:
     for axis in move.axes:
         yield SetBaud(axis.target.baud)
         yield from axis.target.model.family.borrow(axis.target)
-    for axis in move.axes:
-        axis.target.permit.mark_moving()
+    _mark_moving([axis.target.permit for axis in move.axes])
     move.began = yield Now()
     try:
         yield from _send_leg(move, move.began)
@@ -180,25 +179,47 @@ def _send_leg(move: PlannedMove, now: float) -> Procedure[None]:
 
 
 def keep_moving(targets: Iterable[KnownServo]) -> None:
-    """Take note that these are given goals again and again. As `mark_moving`, but quick for those that move already.
+    """Take note that these are given goals again and again, as `_mark_moving`, but quickly for those that move already.
 
     They are on one bus, so that one word to its watchdog is enough.
     """
-    attended = False
-    for target in targets:
-        permit = target.permit
-        if permit.given_up or permit.inhibited:
-            permit.mark_moving()
-        elif not attended:
-            permit.attend()
-            attended = True
+    permits = [target.permit for target in targets]
+    anew = [permit for permit in permits if permit.given_up or permit.inhibited]
+    if anew:
+        _mark_moving(anew)
+    elif permits:
+        permits[0].attend()
 
 
-def require_torque(move: PlannedMove) -> None:
-    """Refuse a move that some servo would not follow. Raises TorqueOff."""
-    if move.without_torque:
-        limp = ", ".join(map(str, move.without_torque))
+def _mark_moving(permits: Sequence[MotionPermit]) -> None:
+    """Take note that servos are set in motion now. Raises Stopped, and notes none, if one of them must not be."""
+    for permit in permits:
+        permit.ask()
+    for permit in permits:
+        permit.mark_moving()
+
+
+def plan_and_start(
+    goals: Mapping[KnownServo, float], *, time: float | None = None, speed: float | None = None
+) -> Procedure[PlannedMove]:
+    """Plan a move, make sure that all its servos have torque, and start it; see `plan`. Raises TorqueOff."""
+    planned = yield from plan(goals, time=time, speed=speed)
+    if planned.without_torque:
+        limp = ", ".join(map(str, planned.without_torque))
         raise TorqueOff(f"{limp}: torque is off, so nothing would move; switch it on first")
+    yield from start_move(planned)
+    return planned
+
+
+def goal_from_here(target: KnownServo, way: float) -> Procedure[float]:
+    """Give the angle, rad, that lies `way` rad from where the servo is. Raises BadValue for what is no number."""
+    distance = finite(way)
+    if distance is None:
+        raise BadValue(f"{target}: {said(way)} is not a number; an angle is in radians, such as 5 * deg")
+    row = target.model.register("present_position")
+    (raw,) = yield from target.model.family.read(target, [row])
+    here: float = row.decode(raw, target)
+    return here + distance
 
 
 def raw_goal(target: ServoRef, angle: float) -> int:
@@ -333,9 +354,7 @@ def _end(move: PlannedMove) -> Procedure[None]:
     """Set the speeds of moves again that stood in the servos before; what does not succeed the next write does."""
     move.over = True
     for axis in move.axes:
-        yield SetBaud(axis.target.baud)
-        with suppress(BusError):
-            yield from axis.target.model.family.give_back(axis.target)
+        yield from give_back(axis.target)
 
 
 def _fail(move: PlannedMove, why: ServobusError) -> Procedure[NoReturn]:

@@ -5,18 +5,18 @@ where it should be now, then where it was. Nothing is told twice before it is kn
 What was there before is known before anything is sent, and an error tells it.
 """
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 from servobus.core.exchange import Now, Pause, Procedure, SetBaud
 from servobus.core.ids import check_id
-from servobus.core.registers import Area, Register
+from servobus.core.registers import Register
 from servobus.core.values import frozen, replace
 from servobus.errors import BadValue, BusError, NoReply, Refused, ServobusError, UsageError
-from servobus.families.base import ASK_AGAIN, Answers, Family, KnownServo, Model, check_output
+from servobus.families.base import ASK_AGAIN, Answers, Family, KnownServo, Model
 from servobus.families.change import value
+from servobus.jobs.backup import settings
 
 ROUNDS = 3
 """Times at least that both ends are asked before a servo counts as lost."""
@@ -45,7 +45,9 @@ def change_id(target: KnownServo, id: int) -> Procedure[None]:
         return
     if (yield from _taken(family, new, old)):
         raise UsageError(f"id {id} is not free: a servo answers to it")
-    with told({"id": old.id}, f"it had id {old.id} before; if it answers to {id} now, change_id({old.id}) undoes that"):
+    with telling_before(
+        {"id": old.id}, f"it had id {old.id} before; if it answers to {id} now, change_id({old.id}) undoes that"
+    ):
         yield from _change(target, old, new, lambda end: family.set_id(target, end.id))
 
 
@@ -106,7 +108,7 @@ def change_baud(target: KnownServo, baud: int) -> Procedure[int]:
             f"another servo answers to id {target.id} at {new_baud} baud: give one of them another id first"
         )
     undo = f"if it answers at {new_baud} baud now, change_baud({old.baud}) undoes that"
-    with told({"baud": old.baud}, f"it talked at {old.baud} baud before; {undo}"):
+    with telling_before({"baud": old.baud}, f"it talked at {old.baud} baud before; {undo}"):
         yield from _change(target, old, new, lambda end: family.set_baud(target, end.baud))
     return new_baud
 
@@ -174,7 +176,7 @@ def read_settings(target: KnownServo) -> Procedure[dict[str, Any]]:
     """Read all that a reset loses, register -> value; of a servo that answers nothing, id and speed."""
     if target.answers is Answers.NOTHING:
         return {"id": target.id, "baud": target.baud}
-    rows = [row for row in target.model.registers.values() if row.area is Area.EEPROM and row.writable]
+    rows = settings(target.model)
     raws = yield from target.model.family.read_stored(target, rows)
     return {row.name: value(row, raw) for row, raw in zip(rows, raws, strict=True)}
 
@@ -182,11 +184,7 @@ def read_settings(target: KnownServo) -> Procedure[dict[str, Any]]:
 def _resettable(model: type[Model]) -> list[Register[int]]:
     """List the settings whose factory value is known and that is not to be kept."""
     kept = (model.register("id"), model.optional("baud"), model.optional("calibration"))
-    return [
-        row
-        for row in model.registers.values()
-        if row.area is Area.EEPROM and row.writable and row.default is not None and row not in kept
-    ]
+    return [row for row in settings(model) if row.default is not None and row not in kept]
 
 
 def _change(
@@ -232,7 +230,7 @@ def _change(
 
 
 @contextmanager
-def told(before: Mapping[str, Any], text: str) -> Iterator[None]:
+def telling_before(before: Mapping[str, Any], text: str) -> Iterator[None]:
     """Have an error that breaks a change off tell what was there before; one that was raised before it does not."""
     try:
         yield
@@ -243,37 +241,10 @@ def told(before: Mapping[str, Any], text: str) -> Iterator[None]:
         raise
 
 
-def turn(target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
-    """Turn without end; see `Family.turn`.
-
-    Where that overwrites the angle limits, an error that breaks it off half-way tells what they were.
-    """
-    family, model = target.model.family, target.model
-    lost: dict[Register[Any], int] = {}
-    overwrites = [pair.rows(model) for pair in model.limit_pairs if pair.equal]
-    if output is not None:
-        check_output(output)  # before anything is asked
-    for low, high in overwrites:
-        raws = yield from family.read_stored(target, [low, high])
-        if raws != [0, 0]:
-            lost |= dict(zip((low, high), raws, strict=True))
-    if not lost:
-        yield from family.turn(target, speed=speed, output=output)
-        return
-    ends = [math.degrees(value(row, raw)) for row, raw in lost.items()]
-    said = " .. ".join(row.said(raw) for row, raw in lost.items())
-    text = (
-        f"its angle limits were {said} before, and may be 0 now, which is endless turn: "
-        f"position_mode(({ends[0]:.1f} * deg, {ends[1]:.1f} * deg)) ends that and sets them again"
-    )
-    with told({row.name: value(row, raw) for row, raw in lost.items()}, text):
-        yield from family.turn(target, speed=speed, output=output)
-
-
 def _locate(family: Family, new: BusAddress, old: BusAddress) -> Procedure[BusAddress | None]:
     """Find the end at which a servo answers clearly, the new one first; the bus is at its speed then.
 
-    A servo that starts anew, or writes its EEPROM, is deaf meanwhile: both ends are asked again for
+    A servo that starts anew, or writes its EEPROM, hears nothing meanwhile: both ends are asked again for
     `Family.patience` s.
     """
     began: float = yield Now()

@@ -29,6 +29,11 @@ class FoundServo:
     alarms: int = 0
     """Alarm bits that stood in its answer."""
 
+    @property
+    def number_text(self) -> str:
+        """The number of the model that it reports, as people know it."""
+        return self.family.number_text(self.identity.number)
+
 
 @frozen
 class ScanProblem:
@@ -65,7 +70,7 @@ class ModelConflict:
     found: FoundServo
 
     def __str__(self) -> str:
-        says = self.found.model.title if self.found.model else f"model {self.found.identity.number}"
+        says = self.found.model.title if self.found.model else f"model {self.found.number_text}"
         attached = self.attached.model.title
         return (
             f"id {self.found.id} at {self.found.baud} baud was attached as {attached} and says that it is {says}; "
@@ -121,7 +126,7 @@ def by_number(family: Family, _id: int, _baud: int, number: int | None) -> type[
 AT_ONCE = 32
 """Ids that a scan asks before it looks at the answers, if nothing else waits for the line."""
 MUCH = 0.02
-"""s; a USB adapter that hands answers over after 16 ms is no news."""
+"""s; a USB adapter that hands answers over after 16 ms is not worth telling."""
 LATE = 0.3
 """s for which a scan that heard nothing listens for late answers at its end; assumption: none comes later."""
 GIVE_WAY = Pause(0.0, shared=True)
@@ -142,7 +147,7 @@ def scan(
 
     `bauds` are speeds for all families, or family -> speeds; None means the factory speeds of each family's models.
     What is found is put into `survey` at once, so it is there even if the scan is broken off. Servos whose answers come
-    after they were given up are asked again, with the patience that this has taught the link; a line on which nobody
+    after they were given up are asked again, with the patience that this has taught the link; a line on which no servo
     answers costs `LATE` s once.
     """
     wanted = list(dict.fromkeys(check_id(id) for id in ids))
@@ -252,7 +257,7 @@ def find(
 ) -> Procedure[FoundServo]:
     """Look for one servo.
 
-    Raises NoReply if nobody answers, UnknownName if two servos have this id, BusError if it is no model known here.
+    Raises NoReply if no servo answers, UnknownName if two servos have this id, BusError if it is no model known here.
     """
     survey = yield from scan(families, bauds, [id], identify=identify)
     if len(survey.found) > 1:
@@ -280,6 +285,6 @@ def find(
 def unknown_model(found: FoundServo) -> BusError:
     """Say that a servo was found whose model is not known here."""
     return BusError(
-        f"id {found.id} at {found.baud} baud answers as {found.family.title} model {found.identity.number}, "
+        f"id {found.id} at {found.baud} baud answers as {found.family.title} model {found.number_text}, "
         "which is not known here; a model can be said to be meant, with `models=` or --model"
     )

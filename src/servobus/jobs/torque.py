@@ -59,7 +59,6 @@ def _come_in(target: KnownServo, motion_status: MotionStatus, pace: float) -> Pr
     axis = AxisMove(target, goal, distance, max(distance / pace, SHORTEST))
     family.check_axis(axis)
     move = PlannedMove([axis], starts=[raw_position(target, motion_status)])
-    target.permit.mark_moving()
     if family.holds_outside_limits:
         yield from family.torque(target, on=True)
         yield from start_move(move)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar
 
-from servobus.core.exchange import Batch, Exchange
+from servobus.core.exchange import Batch, Exchange, GroupExchange, joined
 from servobus.errors import BusError, NoReply
 from servobus.link.line_clock import LineClock
 from servobus.link.pipeline import Pipeline, is_lost
@@ -70,6 +70,8 @@ class Asking:
                 break
         if isinstance(best, BusError):
             raise best
+        if isinstance(exchange, GroupExchange) and exchange.repeatable:
+            yield from self._complete(exchange.parts, best, exchange.turnless(best), again=True)
         done: T = best
         return done
 
@@ -96,18 +98,55 @@ class Asking:
                 self._pipeline.learn_alone(outcome)
                 outcomes.append(outcome)
                 continue
+            if not batch.yields and (groups := joined(some)):
+                outcomes += yield from self._grouped(some, groups, again=batch.again)
+                continue
             try:
                 found = yield from self._attempt(some, yields=batch.yields)
             except BusError as error:  # nothing was sent
                 outcomes += [error] * count
                 continue
             some, rest = some[: len(found)], [*some[len(found) :], *rest]
-            for n, exchange in enumerate(some):
-                if batch.again and exchange.repeatable and is_lost(found[n]):
-                    self._log.counts(exchange, exchange.id).retries += 1
-                    found[n] = yield from self._alone(exchange, again=True)
+            yield from self._complete(some, found, again=batch.again)
             outcomes += found
         return outcomes
+
+    def _grouped(
+        self, exchanges: Sequence[Exchange[Any]], groups: Sequence[GroupExchange[Any]], *, again: bool
+    ) -> Waits[list[Any]]:
+        """Ask one group after the other, then the exchanges that are in none; give an outcome for each exchange."""
+        outcomes: dict[Exchange[Any], Any] = {}
+        for group in groups:
+            try:
+                (found,) = yield from self._attempt((group,))
+            except BusError as error:  # nothing was sent
+                outcomes.update(dict.fromkeys(group.parts, error))
+                continue
+            if isinstance(found, BusError):
+                found = [found] * len(group.parts)
+                yield from self._complete(group.parts, found, again=again)
+            else:
+                yield from self._complete(group.parts, found, group.turnless(found), again=again)
+            outcomes.update(zip(group.parts, found, strict=True))
+        others = [exchange for exchange in exchanges if exchange not in outcomes]
+        found = yield from self.batch(Batch(others, again=again))
+        outcomes.update(zip(others, found, strict=True))
+        return [outcomes[exchange] for exchange in exchanges]
+
+    def _complete(
+        self, exchanges: Sequence[Exchange[Any]], outcomes: list[Any], turnless: Sequence[int] = (), *, again: bool
+    ) -> Waits[None]:
+        """Ask each that had no turn, and with `again` once more each whose reply was lost, if it is repeatable.
+
+        The last one of a group comes first: a servo that still waits for its turn has then been asked something else
+        before the servo that it waits for speaks.
+        """
+        for n, exchange in reversed(list(enumerate(exchanges))):
+            if n not in turnless:
+                if not (again and exchange.repeatable and is_lost(outcomes[n])):
+                    continue
+                self._log.counts(exchange, exchange.id).retries += 1
+            outcomes[n] = yield from self._alone(exchange, again=again)
 
     def _alone(self, exchange: Exchange[Any], *, again: bool) -> Waits[Any]:
         if not again:
@@ -120,8 +159,6 @@ class Asking:
 
 def _better(old: Any, new: Any) -> Any:
     """Choose between the outcomes of two tries: what was understood, and of two errors not silence, which says less."""
-    if isinstance(old, list):
-        return [_better(*pair) for pair in zip(old, new, strict=True)] if isinstance(new, list) else old
     if not is_lost(old) or (is_lost(new) and isinstance(new, NoReply)):
         return old
     return new

@@ -2,7 +2,7 @@
 
 A servo answers in order, and so do adapters deliver. So when the reply to a fence is here, the replies to all that was
 asked before it have come or never will. What does not keep the order is waited out: for a while after it was overtaken
-a reply is still feared, and a question to which it could be the answer is not asked.
+a reply is still expected, and a question to which it could be the answer is not asked.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,7 +33,7 @@ def fenced(
     error = yield from _in_order(exchange, reply, fences, log, ask, now)
     late = log.late_replies
     if error is None and (overtaken := late.overtaken(exchange, reply)):
-        yield from listen(late.feared_until(overtaken), lambda: not late.overtaken(exchange, reply))
+        yield from listen(late.expected_until(overtaken), lambda: not late.overtaken(exchange, reply))
         late.expire(now())
     return error
 

@@ -5,8 +5,8 @@ for the new one. An adapter or a computer that stalled delivers all at once, but
 question, the replies to all that it was asked before have come by then, or never will.
 
 That is so of adapters; a network or a servo could let the answer to a later question go first. Nothing in a packet
-tells that. So where a reply was seen to come after later ones, one that has been overtaken is feared for a while, its
-horizon: each reply that is lost then costs that much. Where none was, a lost reply costs no more than its time-out.
+tells that. So where a reply was seen to come after later ones, one that was overtaken is still expected for a while,
+its horizon: each reply that is lost then costs that much. Where none was, a lost reply costs no more than its time-out.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ SLOWEST = 2.0
 """s; assumption: no servo answers later than this, whatever it does. Adapters may, but in order."""
 
 OVERTAKEN = 0.0
-"""s after it was given up for which a reply is feared that another one has overtaken, until one is seen to come."""
+"""s after it was given up for which an overtaken reply is still expected, as long as none was seen to come."""
 
 Sender: TypeAlias = tuple[Framing, int | None]
 """Servo that a reply comes from: two families may share a line, and the same id is then two servos."""
@@ -55,9 +55,9 @@ class LateReplies:
         self._until = 0.0
         """Time after which no servo can be so late; only an adapter, and that keeps the order."""
         self.horizon = OVERTAKEN
-        """s after it was given up for which a reply is feared that was overtaken."""
+        """s after it was given up for which an overtaken reply is still expected."""
         self._written_off: dict[Sender, float] = {}
-        """When the last reply of a servo was given up that is not feared any more."""
+        """When the last reply of a servo was given up that is not expected any more."""
 
     def __bool__(self) -> bool:
         return bool(self._missed)
@@ -98,8 +98,8 @@ class LateReplies:
         """Give the overtaken ones that could be taken for this reply to a question."""
         return [old for old in self._like(exchange, reply) if old.overtaken]
 
-    def feared_until(self, overtaken: Sequence[MissedReply]) -> float:
-        """Give the time from which on these are not feared any more."""
+    def expected_until(self, overtaken: Sequence[MissedReply]) -> float:
+        """Give the time from which on these are not expected any more."""
         return max(old.given_up for old in overtaken) + self.horizon
 
     def ambiguous(self, fence: Exchange[Any], confusable: Sequence[MissedReply]) -> bool:
@@ -112,7 +112,7 @@ class LateReplies:
     def later_requests(self, sender: Sender, confusable: Sequence[MissedReply]) -> list[bytes]:
         """Give the requests to a servo that were sent after all the confusable ones, the last one first.
 
-        Whichever reply to one of them comes, it comes after the replies that are feared.
+        Whichever reply to one of them comes, it comes after those.
         """
         requests = [old.request for old in self._missed.get(sender, ()) if not old.overtaken]
         last = max((requests.index(old.request) for old in confusable if old.request in requests), default=-1)
@@ -165,7 +165,7 @@ class LateReplies:
         self.expire(now)
 
     def expire(self, now: float) -> None:
-        """Forget those that were overtaken so long ago that they are not feared any more."""
+        """Forget those that were overtaken so long ago that they are not expected any more."""
         for sender, missed in list(self._missed.items()):
             if any(old.overtaken for old in missed):
                 old = [one for one in missed if one.overtaken and now >= one.given_up + self.horizon]
@@ -174,7 +174,7 @@ class LateReplies:
                     self._keep(sender, [one for one in missed if one not in old])
 
     def note_overtaken(self, framing: Framing, id: int, given_up: float | None, now: float) -> None:
-        """Learn from a reply of this servo that others had overtaken, perhaps one that was not feared any more."""
+        """Learn from a reply of this servo that others had overtaken, perhaps one that was not expected any more."""
         if given_up is None:
             given_up = self._written_off.get((framing, id), -SLOWEST)
         if now - given_up <= SLOWEST:
@@ -198,8 +198,8 @@ class LateReplies:
         ]
 
     def _of(self, framing: Framing, id: int | None) -> list[MissedReply]:
-        anybody = self._missed.get((framing, None), [])
-        return anybody if id is None else [*self._missed.get((framing, id), ()), *anybody]
+        of_any = self._missed.get((framing, None), [])
+        return of_any if id is None else [*self._missed.get((framing, id), ()), *of_any]
 
     def _keep(self, sender: Sender, missed: list[MissedReply]) -> None:
         if missed:

@@ -4,13 +4,10 @@ import math
 from typing import Any
 
 from servobus.core.exchange import Exchange
-from servobus.core.framing import Framing
+from servobus.core.framing import BITS_PER_BYTE, Framing
 from servobus.core.values import frozen
 from servobus.link.stats import Counts
 from servobus.transports.base import Transport
-
-BITS_PER_BYTE = 10
-"""Start bit, eight data bits, stop bit: 8N1, as all three families use."""
 
 
 @frozen
@@ -78,14 +75,21 @@ class LineClock:
     def forgotten_at(self, framing: Framing) -> float:
         """Tell when servos of this kind have forgotten what they heard at the speed before.
 
-        They hear it as garbage. A servo that took it for the start of a packet misses the next request until then.
+        They hear it as garbage. A servo that took it for the start of a packet misses the next request until then, and
+        as what it hears meanwhile is more of that packet to it, begins to wait anew.
         """
-        return self.changed_at + framing.forget_time
+        at = self.changed_at + framing.forget_time
+        return at if at <= self._transport.now() else max(at, self.settled_at + framing.forget_time)
 
     def longest_answer(self, exchange: Exchange[Any]) -> float:
         """Tell how long the replies may take at most from the moment at which the request has left, s."""
         delay = exchange.max_delay * max(len(exchange.replies), 1)
         return (1 + exchange.framing.baud_tolerance) * (delay + exchange.reply_size * self.byte_time)
+
+    def longest_wait(self, exchange: Exchange[Any]) -> float:
+        """Tell how long one of several replies may take at most from the moment at which the last one was here, s."""
+        longest = exchange.framing.overhead + max(max(reply.sizes) for reply in exchange.replies)
+        return (1 + exchange.framing.baud_tolerance) * (exchange.max_delay + longest * self.byte_time)
 
     def timing(self, exchange: Exchange[Any], counts: Counts) -> Timing:
         """Work out the times of an exchange at the present speed, at which it is about to be sent."""

@@ -46,7 +46,19 @@ from enum import Enum
 from time import monotonic
 from typing import Any, Final, TypeVar
 
-from servobus.core.exchange import Batch, Exchange, Job, LateAnswers, Now, Pause, ReplyPattern, SetBaud, Settle, Step
+from servobus.core.exchange import (
+    Batch,
+    Exchange,
+    GroupExchange,
+    Job,
+    LateAnswers,
+    Now,
+    Pause,
+    ReplyPattern,
+    SetBaud,
+    Settle,
+    Step,
+)
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.replies import ReplyCollector
@@ -389,7 +401,7 @@ class Link:
         self.latency.review()
         last = exchanges[-1]
         for exchange in exchanges:
-            self.log.counts(exchange, exchange.id).sent += 1
+            self.log.note_sent(exchange)
         now = self.transport.now()
         self.state = WAITING
         self.transport.write(data)
@@ -408,12 +420,20 @@ class Link:
     ) -> Waits[None]:
         """Receive until this time, or until all replies are here, or the one that is wanted.
 
-        When time is up the reply may be here all the same, if this computer stalled: it looks once more.
+        When time is up the reply may be here all the same, if this computer stalled: it looks once more. No reply of a
+        group comes behind one that stays silent.
         """
-        seconds = 1.0
+        exchange, clock, seconds = collector.exchanges[-1], self._clock, 1.0
+        heard = max(self.transport.now(), clock.clear_at)
         while not collector.done and seconds > 0 and (wanted is None or collector.packets[wanted] is None):
-            seconds = until - self.transport.now()
-            self._take(collector, (yield Receive(max(seconds, 0.0))), left)
+            if isinstance(exchange, GroupExchange):
+                self._deadline = min(until, heard + clock.longest_wait(exchange) + self.latency.reply_margin)
+                seconds = self._deadline - self.transport.now()
+            else:
+                seconds = until - self.transport.now()
+            if chunk := (yield Receive(max(seconds, 0.0))):
+                heard = max(self.transport.now(), clock.clear_at)
+            self._take(collector, chunk, left)
 
     def _take(self, collector: ReplyCollector, chunk: bytes, left: Sequence[float]) -> None:
         """Take bytes in, and take note of the packets in them."""
@@ -437,7 +457,7 @@ class Link:
                 collector.reject(n)  # an older reply, or one more to what was asked before
                 self.log.note_stray(framing, packet)
             else:
-                self.log.note_reply(exchange, reply, packet, late)
+                self.log.note_reply(exchange, reply, packet, collector.later_than_before(owner, late))
 
     def _judge(self, collector: ReplyCollector, older: Sequence[int], left: Sequence[float]) -> tuple[list[Any], bool]:
         """Give the outcomes of what was collected, and whether bytes may come that belong to no request."""
@@ -554,8 +574,8 @@ class Link:
     def _listen_late(self, until: float) -> Waits[None]:
         """Take note of replies that come late, until this time or until none may come any more."""
         late = self.log.late_replies
-        for framing in list(late.framings())[:1]:
-            yield from self._listen(until, lambda: not late, framing)
+        if framings := late.framings():
+            yield from self._listen(until, lambda: not late, next(iter(framings)))
 
     def _listen(self, until: float, over: Callable[[], bool], framing: Framing) -> Waits[None]:
         """Take note of what comes although nothing is asked, until this time or until it is over."""

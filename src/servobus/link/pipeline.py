@@ -21,7 +21,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
-from servobus.core.exchange import Exchange, GroupExchange
+from servobus.core.exchange import Exchange
 from servobus.core.framing import Framing
 from servobus.core.ids import BROADCAST
 from servobus.errors import BusError, DuplicateId, Garbled, Refused
@@ -70,15 +70,18 @@ class Pipeline:
     def together(self, exchanges: Sequence[Exchange[Any]], doubtful: Callable[[Exchange[Any]], bool]) -> int:
         """Tell how many of these may be under way at once, from the first on: never two to one servo.
 
-        A `doubtful` question, for whose reply a late one could be taken, needs a fence before it, and so goes alone.
+        DEPTH bounds those that cannot be joined. A `doubtful` question, for whose reply a late one could be taken,
+        needs a fence before it, and so goes alone.
         """
         if self.alone:
             return 1
         ids: set[int] = set()
-        for exchange in exchanges[:DEPTH]:
+        separate = 0
+        for exchange in exchanges:
+            separate += exchange.joins is None
             if (
-                exchange.reply is None
-                or isinstance(exchange, GroupExchange)
+                separate > DEPTH
+                or exchange.reply is None
                 or exchange.id == BROADCAST
                 or exchange.id in ids
                 or exchange.framing is not exchanges[0].framing
@@ -156,7 +159,5 @@ class Pipeline:
 
 
 def is_lost(outcome: Any) -> bool:
-    """Tell whether this is an error that says that no reply was understood; of a list, whether one of it is."""
-    if isinstance(outcome, list):
-        return any(map(is_lost, outcome))
+    """Tell whether this is an error that says that no reply was understood."""
     return isinstance(outcome, BusError) and not isinstance(outcome, Refused | DuplicateId)

@@ -74,12 +74,19 @@ class ReplyLog:
         """Take note of a question to all servos that need not be answered, such as a PING: some models do."""
         self._asked_all[exchange.framing] = self._transport.now() + SLOWEST
 
-    def note_reply(self, exchange: Exchange[Any], reply: ReplyPattern, packet: Packet, late: float) -> None:
-        """Take note of a reply that came this many seconds later than its bits allow."""
+    def note_sent(self, exchange: Exchange[Any]) -> None:
+        """Take note of a request, which counts for each servo that it asks."""
+        several = isinstance(exchange, GroupExchange)
+        for id in [reply.id for reply in exchange.replies] if several else [exchange.id]:
+            self.counts(exchange, exchange.id if id is None else id).sent += 1
+
+    def note_reply(self, exchange: Exchange[Any], reply: ReplyPattern, packet: Packet, late: float | None) -> None:
+        """Take note of a reply that came this many seconds later than its bits allow, if that is known."""
         counts = self.counts(exchange, packet.id)
         counts.received += 1
-        counts.worst = max(counts.worst, late)
-        self.latency.note(late)
+        if late is not None:
+            counts.worst = max(counts.worst, late)
+            self.latency.note(late)
         self.answered = exchange
         if self.late_replies:
             self.late_replies.resolve_before(exchange.framing, packet.id, reply, self._transport.now())

@@ -14,7 +14,7 @@ from servobus.core.exchange import Procedure, SetBaud
 from servobus.errors import PortError, Stopped, UsageError
 from servobus.families.base import LIMP, KnownServo, ServoRef, StopOutcome
 from servobus.families.record import MotionPermit, SafeAction
-from servobus.jobs.make_safe import make_safe, make_safe_anyhow
+from servobus.jobs.make_safe import give_back, make_safe, make_safe_anyhow
 from servobus.link.blocking import run_blocking
 from servobus.link.link import Link
 from servobus.link.ownership import LineOwnership, Turn
@@ -79,6 +79,11 @@ class SafeStop:
             signals.opened(self)
 
     @property
+    def closed(self) -> bool:
+        """Whether the port was given back, and not opened again since."""
+        return self._closed
+
+    @property
     def action(self) -> SafeAction:
         """Safe action of all servos; setting it sets that of the known ones and of all still to be found.
 
@@ -135,9 +140,14 @@ class SafeStop:
             signals.about_to_move(self)
 
     def keep_alive(self) -> None:
-        """Take note that the program is alive and watches what it moves. Raises Stopped if nothing is to move."""
+        """Take note that the program is alive and watches what it moves. Raises Stopped if nothing is to move.
+
+        On a port that was closed nobody can watch: PortError.
+        """
         if self._ending:
             raise Stopped(f"{self._transport.name}: the bus is being closed and its servos were made safe")
+        if self._closed:
+            raise PortError(f"{self._transport.name} is closed")
         if self._watchdog is not None:
             self._watchdog.feed()
 
@@ -157,6 +167,7 @@ class SafeStop:
     def _make_safe(self, action: SafeAction | None, servos: Sequence[Joint], *, interrupt: bool) -> list[str]:
         """Make servos safe; tell what could not be done, or was not what was asked for, and give that."""
         said: dict[str, str] = {}
+        held: list[KnownServo] = []
         with self._making_safe:
             if not any(servo.permit.driven for servo in servos):
                 return []
@@ -177,6 +188,11 @@ class SafeStop:
                             said.pop(who, None)
                             if outcome.let_go and outcome is not LIMP and wanted == "hold":
                                 said[who] = f"{who}: {outcome}"
+                            if not outcome.let_go:
+                                held.append(servo.target)
+                for target in held:  # when all have stopped, for it delays none then
+                    with contextlib.suppress(Exception):
+                        run_blocking(link, link.run(give_back(target)), line, turn)
         told = [f"{self._transport.name}: {text}" for text in said.values()]
         for text in told:
             _tell(text)

@@ -111,7 +111,7 @@ def undisturbed(*, ending: bool) -> Iterator[None]:
     They are obeyed at the end; but a Ctrl-C is not if the program is `ending` anyhow: the error that ends it is the one
     that comes out.
     """
-    if threading.current_thread() is not threading.main_thread():  # it hears none
+    if threading.current_thread() is not threading.main_thread():  # only that one gets signals
         yield
         return
     _put_off.begin()
@@ -164,7 +164,7 @@ def _handle(number: int, _frame: FrameType | None) -> None:
     """Make the servos safe beside the main thread, which may have the line at this moment, and end that."""
     global _stopping  # noqa: PLW0603 - there is one end of a program
     if _stopping is not None and _stopping.is_alive() and threading.main_thread().is_alive():
-        return  # it is on its way
+        return  # the stop is under way
     if _stopping is not None or not any(bus.drives() for bus in list(_armed)):
         signal.signal(number, signal.SIG_DFL)
         signal.raise_signal(number)
@@ -178,7 +178,7 @@ def _stop_and_end(number: int) -> None:
     _make_all_safe()
     threading.main_thread().join()
     time.sleep(GRACE)
-    os.kill(os.getpid(), number)  # threads that are no daemons keep it alive, which this signal is not about
+    os.kill(os.getpid(), number)  # threads that are no daemons would keep the program alive
 
 
 def _main_thread_ended() -> None:
@@ -187,13 +187,13 @@ def _main_thread_ended() -> None:
 
 
 def _make_all_safe() -> None:
-    """Do what was left undone."""
+    """Make the servos safe that are still driven when the program ends."""
     for bus in list(_armed):
         bus.end(safe=True)
 
 
 def _leave_all_alone() -> None:
-    """Be a fork of the program that opened the buses: it has no servos, and ends as ever."""
+    """Forget the buses in a fork of the program that opened them: their servos belong to that program."""
     _open.clear()
     _armed.clear()
     _catch_no_more()

@@ -10,16 +10,15 @@ servo: one that answered the last command is expected to answer the next one too
 import math
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from servobus.core.exchange import ReplyPattern
-from servobus.core.framing import Corrupt, Packet
+from servobus.core.framing import BITS_PER_BYTE, Corrupt, Packet
 from servobus.core.ids import BROADCAST
 from servobus.families.base import Family, Model
-from servobus.families.explain import addressed, servo, show_bytes
-from servobus.families.present import junk_text
+from servobus.families.explain import addressed, junk_text, servo, show_bytes
 from servobus.families.registry import FAMILIES
 from servobus.traffic.events import GRAIN, UNASKED, EventKind, ServoTraffic, TrafficEvent, Trouble
+from servobus.traffic.open_reply import OpenReply
 from servobus.traffic.recording import DIGITS, Chunk, Direction, Entry, Speed, TapEnd
 from servobus.traffic.streams import PADDING, Mark, Piece, Stream
 from servobus.traffic.tables import Tables
@@ -30,53 +29,8 @@ PATIENCE = 0.1
 """s; assumption: no servo, adapter and system together need so long for an answer, less its time on the wire."""
 MEMORY = 1.0
 """s for which a question is remembered after its time-out: until then an answer to it counts as late, not unasked."""
-BITS = 10
-"""Bits of a byte on the wire, start and stop bit included."""
 ECHOES = 16
 """Requests whose echo may still come."""
-HEAD = 4
-"""Bytes of a packet that tell whose it is and how long, in all families."""
-
-
-@dataclass(slots=True, eq=False)
-class _Open:
-    """A reply that a question on its way asks for."""
-
-    family: Family
-    packet: Packet
-    reply: ReplyPattern
-    text: str
-    end: float
-    """s: when its last byte was on the wire."""
-    mark: float
-    """s: when the piece came that its last byte was in."""
-    expected: bool
-    deadline: float
-    spoiled: bool = False
-    """Whether something corrupt came that may have been the answer."""
-    answered: bool = False
-    """Whether one of several servos that may answer did."""
-
-    @property
-    def id(self) -> int:
-        """The servo that must answer; the broadcast id where any may."""
-        return self.packet.id if self.reply.id is None else self.reply.id
-
-    @property
-    def to_several(self) -> bool:
-        """Whether any number of servos may answer."""
-        return self.reply.id is None
-
-    def fits(self, family: Family, packet: Packet) -> bool:
-        return family is self.family and packet.id != BROADCAST and self.reply.fits(packet)
-
-    def begins(self, raw: bytes) -> bool:
-        """Tell whether these bytes are the beginning of the answer, and not all of it."""
-        reply, framing = self.reply, self.family.framing
-        if reply.id is None or len(raw) < HEAD - 1:
-            return False
-        whole = [framing.frame(Packet(reply.id, reply.code or 0, bytes(size))) for size in reply.sizes]
-        return any(len(raw) < len(one) and one[:HEAD].startswith(raw[:HEAD]) for one in whole)
 
 
 class Tracker:
@@ -96,8 +50,8 @@ class Tracker:
         self._busy = 0.0
         """s: until then what was sent is on the wire."""
         self._streams: dict[Direction, Stream] = {}
-        self._open: list[_Open] = []
-        self._overdue: deque[_Open] = deque(maxlen=ECHOES)
+        self._open: list[OpenReply] = []
+        self._overdue: deque[OpenReply] = deque(maxlen=ECHOES)
         self._sent: deque[tuple[Packet, float]] = deque(maxlen=ECHOES)
         """Requests that may be echoed, and until when."""
         self._padded, self._padded_until = 0, 0.0
@@ -105,7 +59,7 @@ class Tracker:
         self._request_last: set[Direction] = set()
         """Directions in which a request was the last that came."""
         self._echo: bool | None = None
-        self._perhaps_echoed: _Open | None = None
+        self._perhaps_echoed: OpenReply | None = None
         """A question whose answer was the same as itself, and may have been its echo."""
         self._answers_commands: set[tuple[str, int]] = set()
         """Servos that answered the last command."""
@@ -146,7 +100,7 @@ class Tracker:
         events: list[TrafficEvent] = []
         while (due := self._next_due()) is not None and due[0] <= now:
             moment, what = due
-            if isinstance(what, _Open):
+            if isinstance(what, OpenReply):
                 events += self._time_out(what, moment)
             else:
                 events += self._sort(what, what.flush())
@@ -161,9 +115,9 @@ class Tracker:
         self._open.clear()
         return events
 
-    def _next_due(self) -> "tuple[float, _Open | Stream] | None":
+    def _next_due(self) -> "tuple[float, OpenReply | Stream] | None":
         """Tell what happens next if nothing comes, and when."""
-        due: list[tuple[float, _Open | Stream]] = [(one.deadline, one) for one in self._open]
+        due: list[tuple[float, OpenReply | Stream]] = [(one.deadline, one) for one in self._open]
         due += [(one.last + QUIET, one) for one in self._streams.values() if one.pending]
         return min(due, key=lambda one: one[0], default=None)
 
@@ -203,7 +157,7 @@ class Tracker:
         return max(sizes, default=math.inf) if self._open else math.inf
 
     def _wire_time(self, count: int) -> float:
-        return count * BITS / self._baud if self._baud else 0.0
+        return count * BITS_PER_BYTE / self._baud if self._baud else 0.0
 
     # What the bytes mean
 
@@ -281,13 +235,13 @@ class Tracker:
         text = f"padding: {len(raw)} byte{'s' * (len(raw) > 1)} between requests, which servos skip"
         return TrafficEvent(time, direction, EventKind.PADDING, text, family, None, raw)
 
-    def _begun(self, stream: Stream, raw: bytes) -> _Open | None:
+    def _begun(self, stream: Stream, raw: bytes) -> OpenReply | None:
         """Find the question whose answer these bytes are the beginning of."""
         if stream.direction is Direction.OUT:
             return None
         return next((one for one in self._open if one.begins(raw)), None)
 
-    def _cut(self, asked: _Open, stream: Stream, raw: bytes, first: Mark) -> TrafficEvent:
+    def _cut(self, asked: OpenReply, stream: Stream, raw: bytes, first: Mark) -> TrafficEvent:
         asked.spoiled = True
         id = asked.id
         self._counts(asked.family, id).corrupt += 1
@@ -308,7 +262,7 @@ class Tracker:
             return asked.to_several and request
         return request
 
-    def _answered_by(self, family: Family, packet: Packet) -> _Open | None:
+    def _answered_by(self, family: Family, packet: Packet) -> OpenReply | None:
         return next((one for one in self._open if one.fits(family, packet)), None)
 
     def _request(
@@ -338,7 +292,7 @@ class Tracker:
             expected = reply.certain or obeys
             size += family.framing.overhead + max(reply.sizes)
             deadline = end + PATIENCE + self._wire_time(size)
-            self._open.append(_Open(family, packet, reply, text, end, last.time, expected, deadline))
+            self._open.append(OpenReply(family, packet, reply, text, end, last.time, expected, deadline))
         yield TrafficEvent(first.time, stream.direction, EventKind.REQUEST, text, family, packet.id, raw)
 
     def _answer(self, stream: Stream, family: Family, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
@@ -366,7 +320,7 @@ class Tracker:
         counts.other += 1
         return TrafficEvent(time, stream.direction, EventKind.ANSWER, text, family, packet.id, raw, None, trouble)
 
-    def _close(self, asked: _Open, time: float) -> None:
+    def _close(self, asked: OpenReply, time: float) -> None:
         """Count a question as answered. One that several servos may answer stays open for the others."""
         if not asked.answered:
             self._counts(asked.family, asked.id).answered += 1
@@ -376,7 +330,7 @@ class Tracker:
         else:
             self._open.remove(asked)
 
-    def _answer_to(self, asked: _Open, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
+    def _answer_to(self, asked: OpenReply, stream: Stream, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
         family = asked.family
         latency = None
         if first.time > asked.mark:  # of two that came in one piece the time between them is not known
@@ -385,7 +339,7 @@ class Tracker:
         text = self._tables.answer(family, packet, asked.packet)
         return TrafficEvent(first.time, stream.direction, EventKind.ANSWER, text, family, packet.id, raw, latency)
 
-    def _is_echo(self, packet: Packet, asked: _Open | None, time: float) -> bool:
+    def _is_echo(self, packet: Packet, asked: OpenReply | None, time: float) -> bool:
         """Tell whether this is what was sent. Some requests look like their own answers (Dynamixel PING)."""
         sent = next((one for one in self._sent if one[0] == packet and time < one[1]), None)
         if sent is None or (asked is not None and not self._echo):
@@ -432,7 +386,7 @@ class Tracker:
             first.time, stream.direction, EventKind.CORRUPT, text, family, id, raw, None, Trouble.CHECKSUM
         )
 
-    def _time_out(self, asked: _Open, time: float) -> Iterator[TrafficEvent]:
+    def _time_out(self, asked: OpenReply, time: float) -> Iterator[TrafficEvent]:
         """End the wait for an answer."""
         self._open.remove(asked)
         self._overdue.append(asked)

@@ -14,7 +14,7 @@ from unit.scripted import Scripted
 
 def test_read_write_and_torque() -> None:
     async def main() -> None:
-        port = Scripted(ANSWER, motion_status(0, 512), motion_status(0, 512), OK, OK, torque_state(1), OK)
+        port = Scripted(ANSWER, torque_state(0), motion_status(0, 512), OK, OK, torque_state(1), OK)
         async with AsyncBus(port, echo=False) as bus:
             elbow = bus.attach(RX28, 1)
             assert await elbow.read(RX28.present_temperature) == 32.0

@@ -235,11 +235,11 @@ def test_move_writes_goal_and_speed_in_one_packet() -> None:
 
 
 def test_torque_sets_the_goal_first_and_goes_off_even_after_an_error() -> None:
-    bus, port = bus_with(motion_status(0, 512), motion_status(0, 512), OK, OK, torque_state(1), OK)
+    bus, port = bus_with(torque_state(0), motion_status(0, 512), OK, OK, torque_state(1), OK)
     with pytest.raises(KeyError, match="boom"), bus.attach(RX28, 1).torque():
         raise KeyError("boom")
     assert port.requests == [
-        STANCE,  # one that is on already stays so at the end
+        "FF FF 01 04 02 18 0C D4",  # one that is on already stays so at the end
         STANCE,
         "FF FF 01 05 03 1E 00 02 D6",  # goal := 512
         "FF FF 01 04 03 18 01 DE",

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import servobus
-from samples import every_model
+from samples import sample_models
 from servobus import DRS0602, LX16A, MODELS, BadValue, Bus, NoReply, TorqueOff, UnknownName, UsageError, deg
 from servobus.bus.cycle import diagnose
 
@@ -21,7 +21,7 @@ def bus_of(key: str, count: int) -> Any:
     return bus
 
 
-@every_model
+@sample_models
 def test_goals_arrive_and_positions_come_back(key: str) -> None:
     bus = bus_of(key, 3)
     cycle = bus.cycle(read=POSITION, time=0.0)
@@ -66,7 +66,7 @@ def test_one_lost_answer_loses_one_servo_once() -> None:
     assert sorted(cycle.run().by_id()) == [1, 2, 3, 4, 5]
 
 
-@every_model
+@sample_models
 def test_a_cut_chain_is_told_and_costs_little_until_it_is_mended(key: str) -> None:
     """F15"""
     bus = bus_of(key, 6)

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 
 import servobus
-from samples import every_model
+from samples import sample_models
 from servobus import LX16A, MODELS, RX28, PortError, PortLost, Restarted, TorqueOff, UsageError, deg
-from servobus.bus.base import ReconnectReport
 from servobus.bus.blocking import BusServo
+from servobus.bus.reconnect import ReconnectReport
 from servobus.families.base import Answers
 from servobus.virtual.serve.inprocess import VirtualPort
 from servobus.virtual.serve.rig import build_rig
@@ -260,7 +260,7 @@ class TestSerial:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_a_scan_keeps_what_is_known_of_a_servo(key: str, driver: str) -> None:
     port = Port(f"{key}@1", driver)
     family = MODELS[key].family.name

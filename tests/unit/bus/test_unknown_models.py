@@ -13,9 +13,9 @@ from servobus.families.herkulex.protocol import StatusError
 from servobus.virtual.device.servo import VirtualServo
 
 NUMBERS: dict[str, tuple[type[Model], int, str]] = {
-    # An MX-28 has the number 29: ROBOTIS e-manual. A DRS-0101 reports 01 01.
-    "dynamixel": (RX28, 29, "Dynamixel servo, model 29"),
-    "herkulex": (DRS0602, 0x0101, "HerkuleX servo, model 257"),
+    # An XL430-W250 has the number 1060, and speaks protocol 2.0 only: ROBOTIS e-manual. No HerkuleX reports 09 09.
+    "dynamixel": (RX28, 1060, "Dynamixel servo, model 1060"),
+    "herkulex": (DRS0602, 0x0909, "HerkuleX servo, model 0909"),
 }
 FAMILIES = pytest.mark.parametrize("family", NUMBERS)
 

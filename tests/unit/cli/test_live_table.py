@@ -1,5 +1,6 @@
 import io
 import os
+import re
 import select
 import subprocess
 import sys
@@ -141,3 +142,40 @@ def heard(terminal: int, enough: Callable[[str], bool]) -> str:
 
 def test_it_needs_a_terminal(refused: Callable[..., str]) -> None:
     assert "--show needs a terminal" in refused("virtual", "rx28@1", "--show", code=2)
+
+
+def screen(sent: str) -> list[str]:
+    """Give what a terminal shows that was sent this: CR, LF, cursor up, erase line (ECMA-48); colours do not count."""
+    lines, row, column = [""], 0, 0
+    for up, erase, other, text in re.findall(r"\x1b\[(\d+)A|(\x1b\[2K)|\x1b\[[?0-9;]*([a-zA-Z])|([^\x1b])", sent):
+        if up:
+            row = max(0, row - int(up))
+        elif erase:
+            lines[row] = ""
+        elif text == "\r":
+            column = 0
+        elif text == "\n":
+            row, column = row + 1, 0
+            lines += [""] * (row + 1 - len(lines))
+        elif not other:
+            lines[row] = lines[row][:column].ljust(column) + text + lines[row][column + 1 :]
+            column += 1
+    return lines
+
+
+@pytest.mark.parametrize("lines", [0, 1, 2])
+def test_typed_lines_leave_no_old_header_above_the_table(lines: int) -> None:
+    from rich.live import Live  # noqa: PLC0415
+
+    out = io.StringIO()
+    console = Console(file=out, width=80, force_terminal=True, color_system=None)
+    table = LiveTable(build_rig(Setup(parse_specs("lx16a@1"))), threading.Event(), console)
+    with Live(console=console, auto_refresh=False, redirect_stdout=False, redirect_stderr=False) as live:
+        table._draw(live, servo_table([FREE], "/tmp/arm"))
+        for _ in range(lines):
+            out.write("load 1\n")  # what the terminal shows of a line that is typed, and of Enter
+            table.line_typed()
+        table._draw(live, servo_table([FREE], "/tmp/arm"))
+    shown = screen(out.getvalue())
+    assert sum("supply" in line for line in shown) == 1
+    assert sum("LX-16A" in line for line in shown) == 1

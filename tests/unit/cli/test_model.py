@@ -64,7 +64,7 @@ def test_its_factory_speed_is_asked_alone(run: Run) -> None:
     assert "AX-912 id 1 at 1000000" in run("scan", port, "--ids", "0-3", "--model", "ax912").stdout
     assert "RX-28" not in run("scan", port, "--ids", "0-3", "--model", "ax912").stdout
     assert "AX-912 id 1 at 1000000" in run("scan", port, "--ids", "0-3").stdout
-    assert "torque off: told all ids of dynamixel at 57600/1000000/115200" in (
+    assert "torque off: told all ids\n  dynamixel at 57600, 1000000, 115200" in (
         run("torque", port, "all", "off", "--model", "ax912").stdout
     )
 

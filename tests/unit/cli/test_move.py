@@ -169,8 +169,9 @@ def test_all(run: Run, refused: Callable[..., str]) -> None:
     assert run("stop", RX, "all", "--family", "dynamixel").stdout.count(" stopped: ") == 3
     assert run("torque", RX, "all", "on", "--family", "dynamixel").stdout.count("torque on\n") == 3
     result = run("torque", RX, "all", "off")
-    speeds = "/".join(map(str, registry.bauds(RX28.family)))
-    assert result.stdout.startswith(f"torque off: told all ids of dynamixel at {speeds}, ")
+    speeds = ", ".join(map(str, registry.bauds(RX28.family)))
+    assert " ".join(result.stdout.split()).startswith(f"torque off: told all ids dynamixel at {speeds} herkulex at ")
+    assert max(map(len, result.output.splitlines())) <= 80
     assert "either ids or `all`" in refused("stop", RX, "1", "all", code=2)
     assert "no servo answers (lewansoul at 115200)" in refused("stop", RX, "all", "--family", "lewansoul")
     assert run("torque", RX, 1, 1, "on").stdout == "RX-28 id 1: torque on\n"

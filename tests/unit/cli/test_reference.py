@@ -137,3 +137,29 @@ def test_the_difference_between_two_tables(run: Run, load: Callable[..., Any]) -
     (place,) = (row for row in rows if row["what"] == "where")
     assert place["rx28"] == "RAM 30, 2 bytes, read, write"
     assert "no difference" in run("registers", "rx28", "--diff", "rx28").stdout
+
+
+@pytest.mark.parametrize("key", [key for key, model in MODELS.items() if model.firmware])
+def test_a_model_says_what_the_motor_of_its_virtual_servo_stands_on(
+    run: Run, load: Callable[..., Any], key: str
+) -> None:
+    text = run("models", key).stdout
+    (entry,) = load("models", key)
+    sets = entry["motor"]["sets"]
+    assert sets[0]["name"] == "manual"
+    for number in sets[0]["parameters"].values():
+        assert number["source"] + (f" from {number['sibling']}: " if number["sibling"] else ": ") in text
+        assert f" ({number['text']})" in text
+    for other in sets[1:]:
+        assert f"motor={other['name']}: {other['text']}" in text
+    for missed in entry["motor"]["not_met"]:
+        assert f"not met: {missed}" in text
+
+
+def test_figures_that_contradict_each_other_are_told(run: Run) -> None:
+    """LX-16A: 17 kgf·cm at 6 V does not go with 19.5 at 7.4 V. RX-28: 3.7 N·m at 18.5 V is that of 16 V in print."""
+    assert (
+        "not met: stall torque 1.67 N·m at 6 V, which contradicts the others; the motor has"
+        in run("models", "lx16a").stdout
+    )
+    assert "not met: stall torque 3.7 N·m at 18.5 V (ROBOTIS e-manual)" in run("models", "rx28").stdout

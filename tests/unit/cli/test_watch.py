@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from servobus import MODELS
 from servobus.cli.canvas import MARKS, Curve, Panel, draw
 from unit.cli.conftest import Run
 from unit.served import Arm
@@ -75,10 +76,32 @@ def test_M1_a_lost_servo_is_shown_and_comes_back(run: Run, tmp_path: Path) -> No
 
 
 def test_M1_who_is_not_there_at_the_start_is_told(run: Run, refused: Callable[..., str]) -> None:
-    result = run("read", ARM, "1,99", "present_temperature", "--watch", "--seconds", 0.1)
+    result = run("read", ARM, "1,99", "present_temperature", "--watch", "--seconds", 0.1, code=1)
     assert "id 1" in result.stdout
     assert "no servo answers to id 99" in result.stderr
     assert "no servo answers to id 99" in refused("read", ARM, "99", "present_temperature", "--watch", "--seconds", 1)
+
+
+@pytest.mark.parametrize("key", ["rx28", "drs0602", "lx16a"])
+def test_M1_who_is_not_there_at_the_start_joins_in(run: Run, tmp_path: Path, key: str) -> None:
+    port = f"virtual:rx28@1,{key}@2?clock=virtual&faults=unplug@2:2s"
+    file = tmp_path / "a.csv"
+    command = (port, "1,2", "present_temperature", "--seconds", 8, "--csv", file)
+    result = run("read", *command, "--watch")
+    assert "no servo answers to id 2" in result.stderr
+    assert f"{MODELS[key].title} id 2: answers now" in result.stderr
+    kept = rows(file)
+    assert [row["value"] for row in kept if row["id"] == "1"][:1] == ["25.0"]
+    joined = [float(row["time"]) for row in kept if row["id"] == "2" and row["value"]]
+    assert 0.5 < joined[0] < 6.0
+    file.unlink()
+    assert f"x {MODELS[key].title} id 2" in run("plot", *command).stdout
+
+
+@pytest.mark.parametrize("verb", [("read", "--watch"), ("plot",)])
+def test_M1_who_never_answers_is_told_at_the_end(run: Run, verb: tuple[str, ...]) -> None:
+    result = run(verb[0], ARM, "1,98,99", "present_temperature", "--seconds", 2.5, *verb[1:], code=1)
+    assert "id 98, 99 has never answered" in result.stderr
 
 
 @pytest.mark.parametrize(

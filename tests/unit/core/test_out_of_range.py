@@ -2,14 +2,15 @@
 
 import pytest
 
+import extent
 import servobus
-from samples import every_model
+from samples import every_model, sample_models
 from servobus import DRS0602, MODELS, RX28, BadReading, deg
 from servobus.core.present import value_entry, value_text
 from servobus.core.registers import U8, U16, Int, Register
 from servobus.core.units import Count, Switch
 from servobus.errors import BusError
-from servobus.families.dynamixel.firmware import Dynamixel1Servo
+from servobus.families.dynamixel.firmware import ComplianceServo
 from servobus.families.dynamixel.places import TABLE, Address
 from unit.scripted import Scripted
 
@@ -20,12 +21,11 @@ def status(data: str) -> str:
     return (b"\xff\xff" + body + bytes((~sum(body) & 0xFF,))).hex()
 
 
-@every_model
+@sample_models
 def test_T3_every_word_of_every_row_goes_back_or_is_out_of_range(key: str) -> None:
-    """All 65536 words of each row of two bytes."""
-    for row in MODELS[key].registers.values():
-        if row.layout.size != 2:
-            continue
+    """All 65536 words of each row of two bytes; without `--all`, of one row of each layout."""
+    rows = [row for row in MODELS[key].registers.values() if row.layout.size == 2]
+    for row in rows if extent.everything else {row.layout: row for row in rows}.values():
         unpack, pack, flags = row.layout.unpacker(), row.layout.pack, row.layout.flags
         for word in range(1 << 16):
             data = word.to_bytes(2, "little")
@@ -114,13 +114,13 @@ def test_T3_a_code_without_meaning_is_an_error_of_the_driver_too() -> None:
 
 
 def test_T3_a_servo_whose_position_cannot_be_is_found_and_can_be_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
-    sense = Dynamixel1Servo._sense
+    sense = ComplianceServo._sense
 
-    def nonsense(self: Dynamixel1Servo) -> None:
+    def nonsense(self: ComplianceServo) -> None:
         sense(self)
         self.memory.write(TABLE, 36, b"\x00\x82")
 
-    monkeypatch.setattr(Dynamixel1Servo, "_sense", nonsense)
+    monkeypatch.setattr(ComplianceServo, "_sense", nonsense)
     with servobus.open("virtual:rx28@1?clock=virtual") as bus:
         (servo,) = bus.scan(ids=[1])
         assert servo.model is RX28

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from samples import every_model, factory_bauds
+from samples import factory_bauds, sample_models
 from servobus import DRS0602, FAMILIES, MODELS, RX28, Bus, connect, deg
 from servobus.doctor import Finding, SearchPlan, Severity, examine
 from servobus.doctor.findings import duplicate_id
@@ -202,7 +202,7 @@ class TestServos:
         # 50 of 100 are for each; after 20 that are lost in a row id 1 is asked no more.
         assert reads.what.startswith("20 of 70 lost (28.6 %): 20 with a wrong checksum; worst is RX-28 id 1 with 20")
 
-    @every_model
+    @sample_models
     def test_two_with_one_id_that_answer_one_after_the_other(self, monkeypatch: pytest.MonkeyPatch, key: str) -> None:
         """F8: two answers to one question, each of them whole, are two servos and no refusal. A program
         takes a moment before it asks on; else it would talk over the second answer.

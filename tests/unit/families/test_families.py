@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from samples import ends, factory_answers, goal_range, sample_of, zero
+from samples import SAMPLE_KEYS, ends, factory_answers, goal_range, sample_of, zero
 from servobus import DRS0602, LX16A, MODELS, RX28, BadValue, deg, dynamixel1, herkulex
 from servobus.core.exchange import Exchange
 from servobus.families.base import Answers, AxisMove, Family, KnownServo, Model, ServoRef
@@ -101,7 +101,7 @@ def test_angles_are_those_of_the_manuals(model: type[Model], unit: float, middle
 
 
 @pytest.mark.parametrize("driver", [SYNC, ASYNC])
-@pytest.mark.parametrize(("key", "raw"), [(key, raw) for key, model in MODELS.items() for raw in ends(model)])
+@pytest.mark.parametrize(("key", "raw"), [(key, raw) for key in SAMPLE_KEYS for raw in ends(MODELS[key])])
 def test_positions_at_the_ends_are_read_right_and_held(key: str, raw: int, driver: str) -> None:
     model = MODELS[key]
     bench = bench_at(key, raw, driver)

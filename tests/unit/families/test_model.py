@@ -14,6 +14,7 @@ from servobus.families.dynamixel.models.table import DynamixelTable, UnknownDyna
 from servobus.families.dynamixel.places import Address
 from servobus.families.dynamixel.verbs import Dynamixel1
 from servobus.families.registry import MODELS
+from servobus.virtual.device.motor_set import MotorData
 from servobus.virtual.device.motors import motor, motor_sets
 from servobus.virtual.device.servo import virtual_servo
 from servobus.virtual.physics.motor import no_load_speed, stall_torque
@@ -30,6 +31,12 @@ class AX812(RX28):
     factory_baud = 1_000_000
     sheet = SpecSheet("Nobody", (Performance(12.0, 1.5, 354 * deg),), (9.0, 12.0), 300 * deg, 300 * deg / 1023)
     highest_limit_temperature = RX28.highest_limit_temperature.with_(default=70)
+
+
+NAMED = {
+    "named": MotorData({"manual": motor_sets(LX16A)["manual"], "lossless": motor_sets(RX28)["lossless"]}),
+}
+"""Motor data of a model that names them."""
 
 
 class Fine(RX28):
@@ -332,8 +339,8 @@ def test_a_sheet_of_its_own_makes_a_motor_of_its_own() -> None:
     made = motor(AX812)
     assert stall_torque(made, 12.0) == pytest.approx(1.5)
     assert no_load_speed(made, 12.0) == pytest.approx(354 * deg)
-    assert list(motor_sets(AX812)) == ["sheet"]
-    with pytest.raises(UnknownName, match="no motor data 'measured' for AX-812; there are sheet"):
+    assert list(motor_sets(AX812)) == ["manual"]
+    with pytest.raises(UnknownName, match="no motor data 'measured' for AX-812; there are manual"):
         motor(AX812, "measured")
 
 
@@ -345,9 +352,10 @@ def test_without_one_the_motor_is_inherited() -> None:
 def test_a_motor_that_is_named_wins_over_the_sheet() -> None:
     class Named(AX812):
         title = "Named"
-        motors = "servobus.families.lewansoul.motors:LX16A_SETS"
+        motors = f"{__name__}:NAMED"
 
     assert motor(Named) is motor(LX16A)
+    assert list(motor_sets(Named)) == ["manual", "lossless"]
 
 
 # Several models of a family
@@ -449,9 +457,9 @@ def test_only_a_generic_model_may_lack_units() -> None:
             punch = UnknownDynamixel.punch.with_(scale=RAW)
 
 
-@pytest.mark.parametrize("name", ["ax12", "mx28", "drs0101", "hts35h", "rx64f"])
+@pytest.mark.parametrize("name", ["xl320", "mx540", "drs9999", "hts99h", "rx777"])
 def test_another_model_is_no_slip(name: str) -> None:
-    with pytest.raises(UnknownName, match=f"no model '{name}'; known are rx28, drs0602, lx16a"):
+    with pytest.raises(UnknownName, match=f"no model '{name}'; `servobus models` lists all \\d+"):
         registry.model(name)
 
 
@@ -461,3 +469,11 @@ def test_another_model_is_no_slip(name: str) -> None:
 def test_a_slip_is_seen(name: str, near: str) -> None:
     with pytest.raises(UnknownName, match=f"did you mean {near}"):
         registry.model(name)
+
+
+@pytest.mark.parametrize("name", ["xl430", "dynamixel", "lx"])
+def test_only_what_can_be_simulated_is_offered_to_be(name: str) -> None:
+    with pytest.raises(UnknownName, match=f"'{name}'; (known are|`servobus models` lists)") as caught:
+        registry.simulated(name)
+    assert "herkulex" not in str(caught.value)
+    assert registry.simulated("RX-28") is registry.model("rx28")

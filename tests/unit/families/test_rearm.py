@@ -4,7 +4,16 @@ from typing import Any
 
 import pytest
 
-from samples import every_model, factory_answers, has, minds_overload, models_that, sample_of, turning
+from samples import (
+    can_turn,
+    factory_answers,
+    has,
+    minds_overload,
+    models_that,
+    sample_models,
+    sample_of,
+    turning,
+)
 from servobus import MODELS, RX28, BusError, Refused, herkulex, lewansoul
 from servobus.core.units import deg
 from servobus.families.lewansoul.protocol import Alarm
@@ -41,7 +50,7 @@ def assert_held(bench: Bench, here: float) -> None:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_an_overheated_servo_is_rearmed_when_it_is_cool(key: str, driver: str) -> None:
     bench = bench_for(key, driver)
     bench.do(lambda servo: servo.torque_on())
@@ -147,7 +156,7 @@ def test_an_lx16a_outside_its_range_is_rearmed_there(position: int) -> None:
     assert_held(bench, here)
 
 
-@every_model
+@models_that(can_turn)
 def test_a_servo_that_turned_does_not_go_on_turning(key: str) -> None:
     bench = bench_for(key)
     bench.do(lambda servo: servo.torque_on())
@@ -176,7 +185,7 @@ def test_a_herkulex_that_turned_until_it_was_hot_does_not_go_on_turning() -> Non
     assert bench.real.position == pytest.approx(here, abs=0.5 * deg)
 
 
-@every_model
+@sample_models
 def test_a_servo_with_torque_is_not_let_go(key: str) -> None:
     bench = bench_for(key)
     bench.do(lambda servo: servo.torque_on())
@@ -208,7 +217,7 @@ def test_clearing_a_herkulex_survives_one_lost_write() -> None:
             assert bench.real.torque
 
 
-@every_model
+@sample_models
 def test_alarms_that_are_over_stay_until_the_servo_is_rearmed(key: str) -> None:
     bench = bench_for(key)
     bench.real.temperature = 110.0

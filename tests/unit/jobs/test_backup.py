@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 import servobus
-from samples import can_be_silenced, every_model, models_that, ram_setting, sample_of
+from samples import can_be_silenced, models_that, ram_setting, sample_models, sample_of
 from servobus import MODELS, Backup, BusServo, NoReply, UsageError
 from servobus.core.registers import Area
 from servobus.families.base import Answers, Model
@@ -162,7 +162,7 @@ def test_T4_an_empty_file_is_said_to_be_empty(text: str) -> None:
         Backup.parse(text)
 
 
-@every_model
+@sample_models
 def test_T4_a_backup_that_is_cut_off_anywhere_is_never_taken_for_something_else(key: str) -> None:
     """Each line of a file that is whole sets one register; a file that ends in the middle of a line names it."""
     saved = servo_of(key).backup()

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 import servobus
-from samples import every_model, turning
+from samples import can_turn, every_model, models_that, slack, turning
 from servobus import (
     MODELS,
     BadValue,
@@ -17,12 +17,51 @@ from servobus import (
 from servobus.jobs.backup import Backup
 
 
-@every_model
-class TestEveryModel:
-    """What the families share works the same for all."""
-
+class Found:
     def servo(self, key: str) -> servobus.BusServo:
         return servobus.open(f"virtual:{key}@5?clock=virtual").find(5, family=MODELS[key].family)
+
+
+@models_that(can_turn)
+class TestTurning(Found):
+    """Endless turn, of all models that can."""
+
+    def test_turn_and_back_to_position_mode(self, key: str) -> None:
+        servo = self.servo(key)
+        port = servo._bus.transport
+        with servo.torque():
+            servo.turn(**turning(servo.model))
+            port.sleep(0.5)
+            with pytest.raises(UsageError, match="turns without end"):
+                servo.move(90 * deg)
+            servo.stop()
+            port.sleep(0.5)
+            shaft = port.servos[0].position  # type: ignore[attr-defined]
+            servo.position_mode()
+            port.sleep(0.5)
+            assert port.servos[0].position == pytest.approx(shaft, abs=1 * deg)  # type: ignore[attr-defined]
+
+    def test_turn_names_what_the_model_can(self, key: str) -> None:
+        servo = self.servo(key)
+        with pytest.raises(UsageError, match=r"give (speed|output)"):
+            servo.turn(output=0.5) if "speed" in turning(servo.model) else servo.turn(speed=1.0)
+
+
+@models_that(lambda model: not can_turn(model))
+class TestNotTurning(Found):
+    def test_a_model_that_cannot_turn_says_so_and_keeps_its_limits(self, key: str) -> None:
+        servo = self.servo(key)
+        before = servo.read_raw(["min_position", "max_position"])
+        servo.torque_on()
+        for how in ({"speed": 1.0}, {"output": 0.3}, {}):
+            with pytest.raises(UsageError, match="cannot turn without end"):
+                servo.turn(**how)
+        assert servo.read_raw(["min_position", "max_position"]) == before
+
+
+@every_model
+class TestEveryModel(Found):
+    """What the families share works the same for all."""
 
     def test_move_arrives_on_time(self, key: str) -> None:
         servo = self.servo(key)
@@ -35,8 +74,8 @@ class TestEveryModel:
             move = servo.move(start + 45 * deg, time=1.0)
             assert move.duration == pytest.approx(1.0)
             move.wait()
-            assert port.now() - begin == pytest.approx(1.0, abs=0.15)
-            assert servo.look().position == pytest.approx(start + 45 * deg, abs=1 * deg)
+            assert port.now() - begin == pytest.approx(1.0, abs=0.3)  # what lags behind its set point comes later
+            assert servo.look().position == pytest.approx(start + 45 * deg, abs=slack(servo.model))
         assert servo.look().torque is False
 
     def test_torque_on_does_not_jump(self, key: str) -> None:
@@ -73,26 +112,6 @@ class TestEveryModel:
             assert start + 5 * deg < held < start + 55 * deg
             port.sleep(1.0)
             assert servo.look().position == pytest.approx(held, abs=0.6 * deg)
-
-    def test_turn_and_back_to_position_mode(self, key: str) -> None:
-        servo = self.servo(key)
-        port = servo._bus.transport
-        with servo.torque():
-            servo.turn(**turning(servo.model))
-            port.sleep(0.5)
-            with pytest.raises(UsageError, match="turns without end"):
-                servo.move(90 * deg)
-            servo.stop()
-            port.sleep(0.5)
-            shaft = port.servos[0].position  # type: ignore[attr-defined]
-            servo.position_mode()
-            port.sleep(0.5)
-            assert port.servos[0].position == pytest.approx(shaft, abs=1 * deg)  # type: ignore[attr-defined]
-
-    def test_turn_names_what_the_model_can(self, key: str) -> None:
-        servo = self.servo(key)
-        with pytest.raises(UsageError, match=r"give (speed|output)"):
-            servo.turn(output=0.5) if "speed" in turning(servo.model) else servo.turn(speed=1.0)
 
     def test_change_id(self, key: str) -> None:
         servo = self.servo(key)
@@ -135,6 +154,8 @@ class TestEveryModel:
                 start = (await servo.look()).position
                 async with servo.torque():
                     await servo.move(start + 20 * deg, time=0.5).wait()
-                assert (await bus.read_all("present_position"))[5] == pytest.approx(start + 20 * deg, abs=1 * deg)
+                assert (await bus.read_all("present_position"))[5] == pytest.approx(
+                    start + 20 * deg, abs=slack(MODELS[key])
+                )
 
         asyncio.run(main())

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 import servobus
-from samples import every_model
+from samples import sample_models
 from servobus import MODELS, RX28, BadValue, MoveTimeout, Stopped, UsageError, deg
 from unit.lossy import ASYNC, SYNC
 
@@ -24,7 +24,7 @@ def blocked(key: str) -> Any:
     return servo
 
 
-@every_model
+@sample_models
 @pytest.mark.parametrize("timeout", [0.0, 0.1, 0.31, 2.0])
 def test_it_ends_at_the_time_out_that_was_asked(key: str, timeout: float) -> None:
     servo = blocked(key)
@@ -36,7 +36,7 @@ def test_it_ends_at_the_time_out_that_was_asked(key: str, timeout: float) -> Non
     assert timeout <= clock.now() - began <= timeout + LOOK
 
 
-@every_model
+@sample_models
 def test_without_a_time_out_it_ends_2_s_after_it_should_have(key: str) -> None:
     servo = blocked(key)
     clock = servo._bus.transport
@@ -47,7 +47,7 @@ def test_without_a_time_out_it_ends_2_s_after_it_should_have(key: str) -> None:
     assert 2.3 <= clock.now() - began <= 2.3 + LOOK
 
 
-@every_model
+@sample_models
 def test_lost_answers_do_not_make_it_longer(key: str) -> None:
     """Where every third answer is lost each look takes longer, and there are fewer of them."""
     servo = blocked(key)

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from samples import can_change_baud, can_reset, every_model, models_that, other_bauds
+from samples import can_change_baud, can_reset, models_that, other_bauds, sample_models
 from servobus import DRS0602, MODELS, NoReply
 from servobus.jobs.backup import Backup
 from servobus.virtual.device.options import Span
@@ -24,7 +24,7 @@ def deaf(key: str, driver: str, pause: float) -> Bench:
 
 @DRIVERS
 @PAUSES
-@every_model
+@sample_models
 def test_P5_a_servo_that_is_deaf_after_each_eeprom_byte_is_restored_whole(key: str, driver: str, pause: float) -> None:
     """Several blocks, one behind the other: each comes when the servo hears again."""
     model = MODELS[key]
@@ -46,20 +46,20 @@ def test_P5_a_servo_that_is_deaf_after_each_eeprom_byte_is_restored_whole(key: s
 
 @DRIVERS
 @PAUSES
-@every_model
+@sample_models
 def test_P5_what_follows_a_write_to_the_eeprom_is_heard(key: str, driver: str, pause: float) -> None:
     bench = deaf(key, driver, pause)
     hot = MODELS[key].register("max_temperature")
     bench.do(lambda servo: servo.store({hot: 60.0}))
     bench.do(lambda servo: servo.led("on"))  # of an LX-16A nothing tells whether it was heard
     bench.line.sleep(1.0)
-    assert bench.stored(hot.name) == 60
+    assert bench.stored(hot.name) == hot.encode(60.0)
     assert bench.real.led != "off"
 
 
 @DRIVERS
 @PAUSES
-@every_model
+@sample_models
 def test_P5_id_speed_and_reset_of_a_deaf_servo(key: str, driver: str, pause: float) -> None:
     model = MODELS[key]
     bench = deaf(key, driver, pause)
@@ -74,7 +74,7 @@ def test_P5_id_speed_and_reset_of_a_deaf_servo(key: str, driver: str, pause: flo
         assert bench.at() == bench.really_at() == (model.register("id").default, model.factory_baud)
 
 
-@every_model
+@sample_models
 def test_P5_the_bound_is_named(key: str) -> None:
     """A servo that never hears again is not waited for without end."""
     bench = Bench(key, SYNC)

@@ -17,6 +17,7 @@ from samples import (
     keys_that,
     models_that,
     other_bauds,
+    sample_models,
     sample_of,
 )
 from servobus import DRS0602, MODELS, RX28, BadValue, Bus, BusError, NoReply, UsageError
@@ -117,7 +118,7 @@ def test_servos_that_answer_nothing_can_be_changed_too(key: str) -> None:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_a_servo_that_does_not_take_the_id_is_told_twice_and_stays(key: str, driver: str) -> None:
     bench = Bench(key, driver, Answers.READS)
     told = 0
@@ -141,7 +142,7 @@ def test_a_servo_that_does_not_take_the_id_is_told_twice_and_stays(key: str, dri
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_a_servo_that_is_found_nowhere_is_said_to_be(key: str, driver: str) -> None:
     bench = Bench(key, driver, Answers.READS)
 

@@ -229,17 +229,25 @@ def look_numbered(link: Link, port: Numbered, family: str) -> int:
             numbers = outcome(link, group)
             for id, number in zip(IDS, numbers if isinstance(numbers, list) else [], strict=False):
                 # It may be asked twice, and who answered the first time keeps what it said then.
-                came += right(port, group, id, number, since=began)
+                came += right(port, group, id, number, since=began, alone=group.parts[IDS.index(id)])
         port.sleep(0.5)
     assert link.state in (LinkState.IDLE, LinkState.CAREFUL, LinkState.UNSURE)
     return came
 
 
-def right(port: Numbered, exchange: Exchange[Any], id: int, found: Any, since: int | None = None) -> bool:
+def right(
+    port: Numbered,
+    exchange: Exchange[Any],
+    id: int,
+    found: Any,
+    since: int | None = None,
+    alone: Exchange[Any] | None = None,
+) -> bool:
+    """Tell whether an answer came, and make sure that it is one to this, or to what asks the same of one alone."""
     if isinstance(found, BusError):
         return False
     number = found if isinstance(found, int) else int.from_bytes(found, "little")
-    assert port.asked[number] == (id, exchange.request)
+    assert port.asked[number] in [(id, one.request) for one in (exchange, alone) if one is not None]
     assert number >= (port.newest(exchange, id) if since is None else since)
     return True
 

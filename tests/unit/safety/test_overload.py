@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import servobus
-from samples import every_model, hottest, models_that, output_limit
+from samples import hottest, models_that, output_limit, sample_models
 from servobus import LX16A, MODELS, RX28, BadValue, NoReply, Stopped, UsageError, deg
 from servobus.families.base import Answers
 from servobus.safety.overload import Level, OverloadMonitor, Thresholds
@@ -139,13 +139,19 @@ class Bench:
 
 
 @DRIVERS
-@every_model
+@sample_models
 def test_a_ramp_of_heat_goes_through_all_levels_and_back(key: str, driver: str) -> None:
     bench, limit = Bench(key, driver), hottest(MODELS[key])
     bench.servo.safe_action = "free"
     bench.do(lambda servo: servo.torque_on())
     goal = bench.real.position + 10 * deg
-    levels = [bench.at(degrees) for degrees in (25, limit - 11, limit - 10, limit - 6, limit - 5, limit - 1)]
+    # From 10 °C below its limit on, and from 5, as near as readings come to that.
+    row = MODELS[key].register("present_temperature")
+    told = [row.decode(raw) for raw in range(row.limits[1])]
+    cool, warm, hot = (
+        [one for one in told if far > limit - one >= near] for far, near in ((99, 10.01), (10.01, 5.01), (5.01, 0.5))
+    )
+    levels = [bench.at(degrees) for degrees in (25, max(cool), min(warm), max(warm), min(hot), max(hot))]
     assert levels == [OK, OK, WARN, WARN, DERATE, DERATE]
     assert bench.holds()
     bench.do(lambda servo: servo.start_move(goal, time=0.2))
@@ -208,7 +214,7 @@ def test_what_restarted_is_weakened_again() -> None:
     assert bench.output_limit() == 1023
 
 
-@every_model
+@sample_models
 def test_a_blocked_shaft_is_made_safe(key: str) -> None:
     bench = Bench(key, extra="&load=blocked")
     bench.do(lambda servo: servo.torque_on())
@@ -233,7 +239,7 @@ def test_a_blocked_shaft_is_made_safe(key: str) -> None:
     bench.do(lambda servo: servo.start_move(here, time=0.5))
 
 
-@every_model
+@sample_models
 def test_a_servo_that_moves_and_holds_is_left_alone(key: str) -> None:
     bench = Bench(key)
     bench.do(lambda servo: servo.torque_on())

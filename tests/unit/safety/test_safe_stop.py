@@ -435,7 +435,8 @@ def test_whoever_takes_the_line_over_waits_for_what_is_under_way() -> None:
     """A question was sent and its asker has gone: its answer is none to the same question asked again."""
     port = Scripted(ANSWER, "FF FF 01 03 00 21 DA")  # 32 °C, then 33 °C: 01+03+21 = 25
     bus = Bus(port, echo=False)
-    question = bus.attach(RX28, 1)._question(RX28.present_temperature)
+    servo = bus.attach(RX28, 1)
+    question = servo.family.question(servo.target, RX28.present_temperature)
     port.write(question.request)
     with bus._take_over(True) as (link, line, turn):
         assert run_blocking(link, link.transact(question), line, turn) == 33.0

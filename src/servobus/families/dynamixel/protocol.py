@@ -8,16 +8,16 @@ Source: RX-28 user's manual, chapter 3; errata ED-01 to ED-30 of this project's 
 The two directions have the same frame; only context tells an instruction packet from a status packet.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import IntEnum, IntFlag
 from typing import TypeAlias, TypeVar
 
-from servobus.core.exchange import Exchange, ReplyPattern, ack_only
+from servobus.core.exchange import Exchange, GroupExchange, ReplyPattern, ack_only
 from servobus.core.framing import INCOMPLETE, NOT_A_FRAME, Framing, Packet
 from servobus.core.ids import BROADCAST, check_id
 from servobus.core.units import BaudDivisor
 from servobus.core.values import frozen
-from servobus.errors import BadValue, Refused
+from servobus.errors import BadValue, Refused, WrongReply
 
 T = TypeVar("T")
 
@@ -49,6 +49,15 @@ class Code(IntEnum):
 
 SYNC_READ_OF_OTHERS = 0x82
 """SYNC_READ of servos by other makers with the same packets, Feetech's; each servo answers for itself."""
+
+
+class DriveMode(IntFlag):
+    """Bits of Drive Mode, which EX-106+ and MX-106 have (ROBOTIS e-manual, Drive Mode)."""
+
+    REVERSE = 0x01
+    """Goals and positions count clockwise; endless turn does not change."""
+    SLAVE = 0x02
+    """Driven by the output of the other servo of a dual joint, on the sync cable; goals and speeds are ignored."""
 
 
 class Error(IntFlag):
@@ -306,14 +315,20 @@ def ping(id: int) -> Exchange[None]:
     return _exchange(f"PING id {id}", Ping(id), answered=id != BROADCAST, repeatable=True).mapped(ack_only)
 
 
-def read_data(id: int, address: int, length: int) -> Exchange[bytes]:
-    """READ_DATA (3-5-1). Raises Refused if the servo has no such bytes."""
+def read_data(id: int, address: int, length: int, *, bulk: bool = False) -> Exchange[bytes]:
+    """READ_DATA (3-5-1). Raises Refused if the servo has no such bytes, WrongReply if it gives no reason.
+
+    `bulk` is whether the servo knows BULK_READ, so that this can be asked of several in one request.
+    """
     what = f"READ_DATA id {id}, address {address}, {length} bytes"
 
     def interpret(packet: Packet) -> bytes:
         if len(packet.data) != length:
             _refusal(what, packet)
-            raise Refused(f"{what}: {len(packet.data)} bytes came back", packet.code)
+            raise WrongReply(
+                f"{what}: the status packet has {len(packet.data)} bytes of data and refuses nothing, so it answers "
+                "something else"
+            )
         return packet.data
 
     reply = ReplyPattern(id, None, (length, 0))
@@ -326,7 +341,29 @@ def read_data(id: int, address: int, length: int) -> Exchange[bytes]:
         _alarms,
         LONGEST_DELAY,
         repeatable=True,
+        joins=_joined if bulk else None,
     )
+
+
+def bulk_read(reads: Mapping[int, tuple[int, int]]) -> GroupExchange[bytes]:
+    """BULK_READ: of each servo, id -> (address, length), bytes of its own, in one request (e-manual, Bulk Read).
+
+    Its result is a list of what READ_DATA would give of each, or of the BusError that came of it. Servos that do not
+    know the instruction stay silent, and so do those listed behind them. Raises BadValue for more than 45 servos.
+    """
+    return _bulk_read([read_data(check_id(id), address, length) for id, (address, length) in reads.items()])
+
+
+def _bulk_read(reads: Sequence[Exchange[bytes]]) -> GroupExchange[bytes]:
+    asked = tuple(parse_instruction(FRAMING.unframe(read.request)[0]) for read in reads)
+    message = BulkRead(tuple(one for one in asked if isinstance(one, ReadData)))
+    what = f"BULK_READ ids {', '.join(str(read.id) for read in reads)}"
+    return GroupExchange(what, FRAMING, encode(message), reads)
+
+
+def _joined(reads: Sequence[Exchange[bytes]]) -> GroupExchange[bytes]:
+    """Ask in one request what the first of these ask, as many as its packet holds."""
+    return _bulk_read(reads[: (RX_BUFFER - FRAMING.overhead - 1) // 3])
 
 
 def write_data(

@@ -5,57 +5,41 @@ from typing import Any
 
 from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Packet
-from servobus.core.ids import BROADCAST, check_id
+from servobus.core.ids import check_id
 from servobus.core.registers import Area, Register
 from servobus.core.units import Flags
 from servobus.core.values import replace
-from servobus.errors import BadValue, BusError, NoReply, Refused, UsageError
-from servobus.families.base import (
-    LIMP,
-    TRIES,
-    TURNS_NO_MORE,
-    Answers,
-    AxisMove,
-    Family,
-    Identity,
-    KnownServo,
-    Model,
-    MotionStatus,
-    Reading,
-    ServoRef,
-    StopOutcome,
-    TorqueState,
-    adjacent,
-    blocks,
-    cannot,
-    check_output,
-    within,
-)
-from servobus.families.dynamixel.places import TABLE, Address
+from servobus.errors import BadValue, NoReply, UsageError
+from servobus.families.base import Family, Identity
+from servobus.families.change import set_registers
+from servobus.families.dynamixel import listening
+from servobus.families.dynamixel.places import Address
 from servobus.families.dynamixel.protocol import (
     ALARMS,
     FRAMING,
     RX_BUFFER,
-    BulkRead,
     Error,
-    Instruction,
-    Ping,
-    ReadData,
-    RegWrite,
-    SyncRead,
-    SyncWrite,
-    WriteData,
-    code_of,
-    parse_instruction,
-    parse_status,
     ping,
     read_data,
     reset,
     sync_write,
     write_data,
 )
-from servobus.families.explain import addressed, id_list, servo, show_bytes, show_span, show_values
-from servobus.families.motion import check_inside, nearest
+from servobus.families.model import Model
+from servobus.families.motion import (
+    AxisMove,
+    MotionStatus,
+    Reach,
+    TorqueState,
+    about_to_turn,
+    check_inside,
+    counts_turns,
+    nearest,
+)
+from servobus.families.reading import Reading, adjacent, blocks, place
+from servobus.families.refusal import cannot, check_output, mute, not_taken, stays_off
+from servobus.families.stopping import LIMP, TRIES, TURNS_NO_MORE, StopOutcome, let_go_outside, reachable
+from servobus.families.target import Answers, KnownServo, ServoRef
 
 
 def _address(register: Register[Any]) -> int:
@@ -68,7 +52,7 @@ class Dynamixel1(Family):
     title = "Dynamixel protocol 1.0"
     framing = FRAMING
     torque_rows = ("torque_enable", "torque_limit")
-    limits_turn = True
+    mode_rows = ("torque_control_mode_enable", "resolution_divider")
     # Measured by a user on an AX-12: 6 ms, give or take 1, 9 at most. The manual says nothing of it.
     eeprom_time = 0.009
     needs = (
@@ -106,17 +90,14 @@ class Dynamixel1(Family):
 
     def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         if target.answers is Answers.NOTHING:
-            mend = f"`servobus write PORT {target.id} status_return_level=1` lets it answer"
-            raise cannot(target, "be read", f"its Status Return Level is 0; {mend}")
+            raise mute(target, "Status Return Level", "status_return_level=1")
         # A second exchange costs 14 bytes of frames and the return delay: rather bridge a gap as wide.
         spans = blocks(
             ((_address(register), register.layout.size) for register in registers), gap=16, longest=RX_BUFFER - 6
         )
-        places = []
-        for register in registers:
-            n, at = within(spans, _address(register))
-            places.append((n, slice(at, at + register.layout.size), register.layout))
-        return Reading(tuple(read_data(target.id, *span) for span in spans), tuple(places))
+        places = tuple(place(spans, _address(register), register.layout) for register in registers)
+        bulk = target.model.answers_together
+        return Reading(tuple(read_data(target.id, *span, bulk=bulk) for span in spans), places)
 
     def put(
         self,
@@ -140,7 +121,7 @@ class Dynamixel1(Family):
             elif worn:
                 yield from self.await_eeprom(replace(target, id=fresh[id]) if id in worn else target, size)
 
-    def _check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:
+    def check_unlocked(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[None]:
         """Ask for Lock: once it is on, only addresses 24 to 35 can be written until power-off (3-4-2 Lock)."""
         if target.answers is Answers.NOTHING:
             return
@@ -153,12 +134,29 @@ class Dynamixel1(Family):
                 f"{open_[0]} to {open_[-1]} (torque_enable to torque_limit) can; switch it off and on first"
             )
 
-    def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
-        names = ("present_position", "min_position", "max_position", *self.torque_rows)
-        raw = yield from self.read_values(target, names)
-        position: float = target.model.register("present_position").decode(raw["present_position"])
-        low, high, torque = raw["min_position"], raw["max_position"], self.torque_state(raw)
-        return MotionStatus(position, torque.on, low, high, low == high == 0, torque.shutdown)
+    def status_of(self, target: ServoRef, raw: Mapping[str, int]) -> MotionStatus:
+        """In multi-turn mode a unit of goals and positions is as many steps of the sensor as resolution_divider says.
+
+        That speeds are those of the shaft all the same is an assumption.
+        """
+        status = super().status_of(target, raw)
+        return replace(status, shaft=float(raw["resolution_divider"])) if counts_turns(target, status) else status
+
+    def reach(self, model: type[Model], low: int, high: int) -> Reach:
+        """Both limits 0 are endless turn (3-4-3), which the DX series lacks; for those of multi-turn mode see ED-48."""
+        if low == high == 0 and model.turns:
+            return Reach(low, high, turning=True)
+        if (low, high) == self.multi_turn_limits(model):
+            return Reach(*model.register("goal_position").limits)
+        return Reach(low, high)
+
+    def multi_turn_limits(self, model: type[Model]) -> tuple[int, int] | None:
+        """Give the highest limit twice, where goals can lie beyond it: in the MX series."""
+        last = model.register("max_position").limits[1]
+        return (last, last) if model.register("goal_position").limits[1] > last else None
+
+    def is_turning(self, values: Mapping[str, int]) -> bool:
+        return values.get("torque_control_mode_enable", 0) != 0
 
     def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
         """Look at Torque Limit too: a shutdown sets it to 0, and leaves Torque Enable on (3-4-1 Alarm Shutdown)."""
@@ -191,22 +189,27 @@ class Dynamixel1(Family):
         return bool(moving)
 
     def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
-        """In endless turn Moving Speed 0 ends the motion (3-4-3), else a goal where the shaft is."""
-        goal, speed = (target.model.register(name) for name in ("goal_position", "moving_speed"))
+        """In endless turn Moving Speed 0 ends the motion (3-4-3), in torque control Goal Torque 0; else a goal."""
+        goal = target.model.register("goal_position")
         for _ in range(TRIES):
             motion_status = yield from self.motion_status(target)
             if motion_status.turning:
-                row, raw, outcome = speed, 0, TURNS_NO_MORE if motion_status.torque else LIMP
+                row, raw = (yield from self._turned_by(target)), 0
+                outcome = TURNS_NO_MORE if motion_status.torque else LIMP
             elif not motion_status.torque:
                 return LIMP  # and a goal would switch it on
-            elif (here := self.reachable(target, motion_status)) is None:
-                return (yield from self.outside(target, motion_status))
+            elif (here := reachable(target, motion_status)) is None:
+                return (yield from let_go_outside(target, motion_status))
             else:
                 row, raw, outcome = goal, here, StopOutcome(f"held at {goal.show(goal.decode(here))}")
-            yield from self.put(target, {row: raw}, keep=False)
-            if _answers(target) or (yield from self.read(target, [row])) == [raw]:
+            if (yield from self._took(target, row, raw)):
                 return outcome
-        raise BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
+        raise not_taken(target, row, raw)
+
+    def _took(self, target: ServoRef, row: Register[Any], raw: int) -> Procedure[bool]:
+        """Write a value as it is, and tell whether the servo has it then."""
+        yield from self.put(target, {row: raw}, keep=False)
+        return target.answers_writes or (yield from self.read(target, [row])) == [raw]
 
     def give_back(self, target: KnownServo) -> Procedure[None]:
         """In endless turn the same register is an output (3-4-3)."""
@@ -215,13 +218,14 @@ class Dynamixel1(Family):
 
     def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
         """A written goal may switch the torque on by itself: here it moves nothing."""
-        name, raw = ("moving_speed", 0) if motion_status.turning else ("goal_position", nearest(target, motion_status))
-        row = target.model.register(name)
+        if motion_status.turning:
+            row, raw = (yield from self._turned_by(target)), 0
+        else:
+            row, raw = target.model.register("goal_position"), nearest(target, motion_status)
         for _ in range(TRIES):
-            yield from self.put(target, {row: raw}, keep=False)
-            if _answers(target) or (yield from self.read(target, [row])) == [raw]:
+            if (yield from self._took(target, row, raw)):
                 return
-        raise BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
+        raise not_taken(target, row, raw)
 
     def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("present_load", "torque_limit")]
@@ -245,58 +249,93 @@ class Dynamixel1(Family):
         rows = [model.register(name) for name in ("max_torque", "alarm_shutdown")]
         most, mask = yield from self.read(target, rows)
         yield from self.let_go(target)
-        yield from self._set(target, {model.register("torque_limit"): most})
+        yield from set_registers(target, {model.register("torque_limit"): most})
         standing = (yield from self.read_alarms(target)) & mask
         if standing:
-            said = Flags(Error).show(Error(standing))
             done = "torque_enable is off now, so it goes nowhere when that is over"
-            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}; {done}", standing)
+            raise stays_off(target, standing, f"{Flags(Error).show(Error(standing))}; {done}")
 
     def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
-        """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""
-        if output is None or speed is not None:
-            raise cannot(
-                target,
-                "turn at a given speed",
-                "endless turn has no speed control (3-4-3); give output=-1..1",
-            )
+        """Wheel mode: both angle limits 0. Moving Speed is a share of full output (3-4-3), or a speed in the MX series.
+
+        Torque control ends before that: its current is 0 from then on, until the wheel turns.
+        """
         model = target.model
-        share = model.turn_scale.encode(check_output(output))
-        limits = {model.register("min_position"): 0, model.register("max_position"): 0}
-        motion_status = yield from self.about_to_turn(target)
-        if not motion_status.turning:
+        speed_row = model.register("moving_speed")
+        raw = speed_row.check(_turn_value(target, speed, output))
+        motion_status = yield from about_to_turn(target)
+        if not self.reach(model, motion_status.low, motion_status.high).turning:
             # A speed left over from position mode would spin it as soon as the limits are 0.
             yield from self.borrow(target)
             yield from self._write_raw_speed(target, 1)
-            yield from self._set(target, limits)
-        yield from self._write_raw_speed(target, share)
+            yield from set_registers(target, {model.register("min_position"): 0, model.register("max_position"): 0})
+        yield from self._end_torque_control(target)
+        yield from self._write_raw_speed(target, raw)
+
+    def turn_by_current(self, target: KnownServo, current: float) -> Procedure[None]:
+        """Torque control (ROBOTIS e-manual, MX-64 and MX-106, Torque Ctrl Mode Enable), begun with a current of 0."""
+        rows = target.model.registers
+        if "goal_torque" not in rows:
+            yield from super().turn_by_current(target, current)
+        goal, mode = rows["goal_torque"], rows["torque_control_mode_enable"]
+        raw = goal.encode(current)
+        yield from about_to_turn(target)
+        (controls,) = yield from self.read(target, [mode])
+        if not controls:
+            yield from set_registers(target, {goal: 0})
+            yield from set_registers(target, {mode: 1})
+        yield from set_registers(target, {goal: raw})
+
+    def _end_torque_control(self, target: KnownServo) -> Procedure[None]:
+        """End torque control where the model has it and is in it, with a current of 0 first."""
+        rows = target.model.registers
+        mode = rows.get("torque_control_mode_enable")
+        if mode is not None and (yield from self.read(target, [mode])) != [0]:
+            yield from set_registers(target, {rows["goal_torque"]: 0})
+            yield from set_registers(target, {mode: 0})
+
+    def _turned_by(self, target: ServoRef) -> Procedure[Register[Any]]:
+        """Give the register that turns a servo which turns without end: 0 in it ends that."""
+        rows = target.model.registers
+        mode = rows.get("torque_control_mode_enable")
+        if mode is not None and (yield from self.read(target, [mode])) != [0]:
+            return rows["goal_torque"]
+        return target.model.register("moving_speed")
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
         """Let go of the shaft, which endless turn without speed does not hold either, until limits and goal are set.
 
         So it makes no difference whether the servo keeps its old goal (D-78), or what it makes of a goal in endless
-        turn (D-77).
+        turn (D-77), nor that angles are counted otherwise in multi-turn mode.
         """
         model = target.model
         motion_status = yield from self.motion_status(target)
-        if not motion_status.turning and limits is None:
-            return
         low, high = model.register("min_position"), model.register("max_position")
-        if limits is None:
+        wheel = self.reach(model, motion_status.low, motion_status.high).turning
+        several = counts_turns(target, motion_status)
+        if limits is None and (wheel or several):
             limits = low.limits[0], high.limits[1]
-        wanted = {low: limits[0], high: limits[1]}
-        if not motion_status.turning:
+        if limits is None and not motion_status.turning:
+            return
+        # In torque control the limits are those from before.
+        wanted = {} if limits is None else {low: limits[0], high: limits[1]}
+        reach = self.reach(model, *(limits or (motion_status.low, motion_status.high)))
+        after = replace(motion_status, low=reach.low, high=reach.high, turning=False)
+        if not motion_status.turning and several == counts_turns(target, after):
             yield from self.write(target, wanted)
             return
-        after = replace(motion_status, low=limits[0], high=limits[1], turning=False)
         if motion_status.torque:
             check_inside(target, after, whose="that it would get")
-        target.record.check_wear(str(target), wanted)
-        yield from self._check_unlocked(target, list(wanted))
-        yield from self._write_raw_speed(target, 0)
+        if wanted:
+            target.record.check_wear(str(target), wanted)
+            yield from self.check_unlocked(target, list(wanted))
+        if wheel:  # else 0 is full speed to a goal
+            yield from self._write_raw_speed(target, 0)
         if motion_status.torque:
             yield from self.let_go(target)
-        yield from self._set(target, wanted)
+        yield from self._end_torque_control(target)
+        if wanted:
+            yield from set_registers(target, wanted)
         if motion_status.torque:
             yield from self.torque(target, on=True)
         yield from self.give_back(target)
@@ -304,7 +343,7 @@ class Dynamixel1(Family):
     def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in ("on", "off", "red"):
             raise BadValue(f"{target} has one red light: on or off, not {colour!r}")
-        yield from self._set(target, {target.model.register("led"): int(colour != "off")})
+        yield from set_registers(target, {target.model.register("led"): int(colour != "off")})
 
     def reboot(self, target: KnownServo) -> Procedure[None]:
         yield from ()  # a procedure without steps
@@ -312,77 +351,25 @@ class Dynamixel1(Family):
 
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         self.check_reset(target, keep)
-        yield from reset(target.id, answered=_answers(target))
+        yield from reset(target.id, answered=target.answers_writes)
         factory_id = target.model.register("id").default
         return target.id if factory_id is None else factory_id, target.model.factory_baud
 
-    def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
-        yield from self._set(target, {target.model.register("id"): check_id(id)})
-
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         register = target.model.register("baud")
-        yield from self._set(target, {register: register.encode(baud)})
+        yield from set_registers(target, {register: register.encode(baud)})
 
     def explain(self, packet: Packet, request: Packet | None = None, model: type[Model] | None = None) -> str:
-        """Say what a packet means: nothing in it tells an instruction from a status packet, only what came before."""
-        asked = _asked(packet, request)
-        if asked is None:
-            try:
-                return _say_instruction(parse_instruction(packet), model)
-            except ValueError as error:
-                if _only_instruction(packet):
-                    data = f", data {show_bytes(packet.data)}" if packet.data else ""
-                    return f"{error}, {addressed(packet.id)}{data}"
-        return _say_status(packet, asked, model)
-
-    def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
-        """Tell what replies an instruction asks for.
-
-        Servos may answer a PING to all, though the RX-28 manual says that none does: AX-12A do, one behind the other.
-        """
-        try:
-            message = parse_instruction(packet)
-        except ValueError:
-            if not _only_instruction(packet):
-                return None
-            message = None
-        match message:
-            case BulkRead(reads):
-                # An id listed twice counts once (ROBOTIS e-manual, Protocol 1.0, Bulk Read).
-                once = {read.id: read.length for read in reversed(reads)}
-                return tuple(ReplyPattern(id, None, (once[id], 0)) for id in dict.fromkeys(read.id for read in reads))
-            case SyncRead(_, length, ids):
-                # Each servo for itself, or an adapter for all of them.
-                each = (ReplyPattern(id, None, (length, 0), certain=False) for id in dict.fromkeys(ids))
-                return (*each, ReplyPattern(None, None, (length * len(ids),), certain=False))
-            case Ping() if packet.id == BROADCAST:
-                return (ReplyPattern(None, None, (0,), certain=False),)
-            case _ if packet.id == BROADCAST:
-                return ()
-            case ReadData(_, _, length):
-                return (ReplyPattern(packet.id, None, (length, 0)),)
-        return (ReplyPattern(packet.id, None, (0,), certain=isinstance(message, Ping)),)
+        return listening.explain(packet, request, model)
 
     def concerns(self, packet: Packet) -> tuple[int, ...]:
-        try:
-            message = parse_instruction(packet)
-        except ValueError:
-            return (packet.id,)
-        match message:
-            case SyncWrite(_, _, parts):
-                return tuple(id for id, _ in parts)
-            case SyncRead(_, _, ids):
-                return ids
-            case BulkRead(reads):
-                return tuple(read.id for read in reads)
-        return (packet.id,)
+        return listening.concerns(packet)
 
     def told_number(self, packet: Packet, request: Packet) -> int | None:
-        """In all models of protocol 1.0 the model number is at 0 and 1."""
-        match _asked(packet, request):
-            case ReadData(_, 0, length) if length == len(packet.data) >= 2:
-                return int.from_bytes(packet.data[:2], "little")
-        return None
+        return listening.told_number(packet, request)
+
+    def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
+        return listening.replies_to(packet)
 
     def _write_raw_speed(self, target: ServoRef, raw: int) -> Procedure[None]:
         row = target.model.register("moving_speed")
@@ -400,11 +387,21 @@ def open_while_locked(model: type[Model]) -> range:
 
 
 def _write(target: ServoRef, address: int, data: bytes, *, repeatable: bool) -> Exchange[None]:
-    return write_data(target.id, address, data, answered=_answers(target), repeatable=repeatable)
+    return write_data(target.id, address, data, answered=target.answers_writes, repeatable=repeatable)
 
 
-def _answers(target: ServoRef) -> bool:
-    return target.answers is Answers.EVERYTHING
+def _turn_value(target: ServoRef, speed: float | None, output: float | None) -> int:
+    """Give Moving Speed for endless turn, raw. Raises UsageError for what the model does not control."""
+    model = target.model
+    if model.turns_at_speed():
+        if speed is None or output is not None:
+            raise cannot(
+                target, "turn with a given output", "its endless turn controls the speed; give speed= in rad/s"
+            )
+        return model.register("moving_speed").encode(speed)
+    if output is None or speed is not None:
+        raise cannot(target, "turn at a given speed", "endless turn has no speed control (3-4-3); give output=-1..1")
+    return model.turn_scale.encode(check_output(output))
 
 
 def _goal_and_speed(axis: AxisMove) -> bytes:
@@ -425,84 +422,3 @@ def _sync_writes(parts: Sequence[tuple[ServoRef, bytes]]) -> list[Exchange[None]
         runs = [ids[start : start + most] for start in range(0, len(ids), most)]
         packets += [sync_write(address, {id: block[id] for id in run}) for run in runs]
     return packets
-
-
-def _only_instruction(packet: Packet) -> bool:
-    """Tell whether this can be no status packet: nobody answers as all, and bit 7 of the error byte is 0 (3-3)."""
-    return packet.id == BROADCAST or (packet.code & 0x80 != 0 and packet.data != b"")
-
-
-def _asked(packet: Packet, request: Packet | None) -> Instruction | None:
-    """Give the instruction that a packet answers: the one before it, if its id and length fit.
-
-    Of a read of several servos that is the part of the one that answers; all of it for an adapter that answers for all.
-    """
-    if request is None or packet.id == BROADCAST:
-        return None
-    if request.data and request == packet:
-        return None  # asked again: to be an answer, this would have to repeat address and length by chance
-    try:
-        asked = parse_instruction(request)
-    except ValueError:
-        return None
-    size = len(packet.data)
-    match asked:
-        case BulkRead(reads):
-            return next((read for read in reads if read.id == packet.id and size in (read.length, 0)), None)
-        case SyncRead(address, length, ids) if packet.id in ids and size in (length, 0):
-            return ReadData(packet.id, address, length)
-        case SyncRead(_, length, ids):
-            return asked if size == length * len(ids) else None
-        case Ping() if request.id == BROADCAST:
-            return None if size or _is_instruction(packet) else asked
-        case ReadData(_, _, length) if request.id == packet.id:
-            return asked if size in (length, 0) else None
-    return asked if request.id == packet.id and not size else None
-
-
-def _is_instruction(packet: Packet) -> bool:
-    try:
-        parse_instruction(packet)
-    except ValueError:
-        return False
-    return True
-
-
-def _say_instruction(message: Instruction, model: type[Model] | None) -> str:
-    head = f"{code_of(message).name} {addressed(message.id)}"
-    match message:
-        case ReadData(_, address, length):
-            return f"{head}: {show_span(model, TABLE, address, length)}"
-        case WriteData(_, address, data) | RegWrite(_, address, data):
-            return f"{head}: {show_values(model, TABLE, address, data)}"
-        case SyncWrite(address, _, parts):
-            each = "; ".join(f"{servo(id)}: {show_values(model, TABLE, address, data)}" for id, data in parts)
-            return f"{head}, for {id_list(id for id, _ in parts)}: {each}"
-        case SyncRead(address, length, ids):
-            return f"{head}, for {id_list(ids)}: {show_span(model, TABLE, address, length)}"
-        case BulkRead(reads):
-            each = "; ".join(f"{servo(one.id)}: {show_span(model, TABLE, one.address, one.length)}" for one in reads)
-            return f"{head}, for {id_list(one.id for one in reads)}: {each}"
-    return head
-
-
-def _say_status(packet: Packet, asked: Instruction | None, model: type[Model] | None) -> str:
-    status, errors = parse_status(packet), Flags(Error)
-    # By numbers: bit 7 has no name, and ~ of named flags would drop it.
-    refusals, alarms = Error(int(status.error) & ~int(ALARMS)), status.error & ALARMS
-    said = [f"refused, {errors.show(refusals)}"] if refusals else []
-    if alarms:
-        said.append(f"ALARM {errors.show(alarms)}")
-    text = f"status of {servo(status.id)}: {'; '.join(said) or 'ok'}"
-    if not status.data:
-        return text
-    if isinstance(asked, ReadData):
-        return f"{text}, {show_values(model, TABLE, asked.address, status.data)}"
-    if isinstance(asked, SyncRead):
-        parts = (status.data[at : at + asked.length] for at in range(0, len(status.data), asked.length))
-        each = (
-            f"{servo(id)}: {show_values(model, TABLE, asked.address, part)}"
-            for id, part in zip(asked.ids, parts, strict=True)
-        )
-        return f"{text}, for all that were asked; {'; '.join(each)}"
-    return f"{text}, {show_bytes(status.data)}"

@@ -1,11 +1,11 @@
-"""The control laws of HerkuleX servos: plain numbers in, plain numbers out.
+"""The control laws and sensors of HerkuleX servos: plain numbers in, plain numbers out.
 
     position error -> PID, feed-forwards -> dead zone -> PWM Offset -> Min. PWM -> saturator -> Max. PWM -> output
     speed error    -> PI                                             -> Min. PWM              -> Max. PWM -> output
 
 The order is H-115, an assumption, as the manual's picture of it has no text. Section and register (NO) numbers are
-those of the DRS-0602 manual. Units are the registers': pwm (the highest Max. PWM is the whole supply), position units
-of 0.02778 degrees, speed units of 0.62 degrees/s (NO 55), registers raw.
+those of the DRS-0602 manual. Units are the registers': pwm (the highest Max. PWM is the whole supply), position units,
+speed units of NO 55 (those of infinite turn for its controller), registers raw.
 
 The manual prints the scales of the gains, not the times they count in. What makes the factory gains work, and what
 the factory gains of older models (440 and 8000 in 6-1) hint at, is assumed:
@@ -20,15 +20,17 @@ the factory gains of older models (440 and 8000 in 6-1) hint at, is assumed:
   for each change of it by one unit in 11.2 ms. The gains that fit the DRS-0602 without load are then 111 and 122.
 """
 
+import math
+from abc import abstractmethod
 from collections import deque
 from dataclasses import dataclass
+
+from servobus.virtual.physics.trajectory import StepCounter
 
 UNIT = 11.2e-3
 """s in which Ki adds the error once; assumption, see above."""
 CHANGE = 0.8e-3
 """s of which Kd takes the change; assumption, see above."""
-MEASURED = 4 * UNIT
-"""s over which speed is measured; assumption: one position unit in this time is just the 0.62 degrees/s of NO 55."""
 LONGEST_SUM = 32767.0
 """pwm that the speed controller's integral holds at most; assumption: a signed register of 16 bits. It is far more than
 the output, so what cannot be reached is made up for later, as 6-5 warns (H-88)."""
@@ -159,15 +161,19 @@ class Stages:
 
 
 class Speedometer:
-    """Measures speed as the way in the last 44.8 ms, in whole position units (NO 55)."""
+    """Measures speed as the way in the last few control loops, in whole position units (NO 55).
+
+    One position unit in that time is one unit of Differential Position: 0.62 degrees/s in the 44.8 ms of the DRS-0602,
+    29.09 in the 11.2 ms of the DRS-0101 (EH-58).
+    """
 
     __slots__ = ("_same", "_seen", "way")
 
-    def __init__(self, tick: float, count: int) -> None:
-        self._seen = deque([count] * round(MEASURED / tick), round(MEASURED / tick))
-        self._same = len(self._seen)
+    def __init__(self, loops: int, count: int) -> None:
+        self._seen = deque([count] * loops, loops)
+        self._same = loops
         self.way = 0
-        """Position units in the last 44.8 ms: each is a speed of 0.62 degrees/s."""
+        """Position units in that time."""
 
     def step(self, count: int) -> None:
         """Look at the position, in whole units, once more."""
@@ -180,6 +186,44 @@ class Speedometer:
     def steady(self) -> bool:
         """Whether nothing has changed for so long that the speed stays 0."""
         return self._same >= len(self._seen)
+
+
+class Sensor(StepCounter):
+    """What a servo knows of its shaft, in position units. Angles of the shaft are in rad, counted without end."""
+
+    @abstractmethod
+    def where(self, shaft: float) -> float:
+        """Give the angle at which the servo takes its shaft to be."""
+
+    @abstractmethod
+    def told(self, steps: int) -> int:
+        """Give what stands in a register for a position that may be beyond the ends."""
+
+
+class MagneticEncoder(Sensor):
+    """Counts on through turns. A shaft that turns past either end comes in again at the other (H-100).
+
+    Other drivers mask the words of these models with 0x7FFF (EH-35).
+    """
+
+    def where(self, shaft: float) -> float:
+        return shaft
+
+    def told(self, steps: int) -> int:
+        return steps % self.size
+
+
+class Potentiometer(Sensor):
+    """Knows the angle within one turn. In its gap, and beyond the ends, it reads as the nearer end (EH-64)."""
+
+    def where(self, shaft: float) -> float:
+        return max(self.angle(0), min(math.remainder(shaft, math.tau), self.angle(self.size - 1)))
+
+    def told(self, steps: int) -> int:
+        return max(0, min(steps, self.size - 1))
+
+    def wrap(self, angle: float) -> None:
+        """Keep the numbers: those of a potentiometer are fixed."""
 
 
 class OverloadTimer:

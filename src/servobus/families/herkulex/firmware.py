@@ -1,65 +1,47 @@
-"""The firmware of HerkuleX servos, as the DRS-0602 manual describes it.
+"""The firmware of HerkuleX servos, as the manual of the DRS-0602 describes it, and by series where they differ.
 
 Section and register (NO) numbers are those of the DRS-0602 user's manual, EH entries those of
 docs/decisions.md, H numbers those of docs/behaviours.md.
 
-Positions are counted in steps, 15 bits, from 0 to 32767 (NO 53 to 59; other drivers mask them with 0x7FFF,
-EH-35). A shaft that turns past either end comes in again at the other. What the servo calls its position
-can be set anew (Aux 1), so plans are kept in radians of the shaft and become steps when they are read.
+The series differ in the sensor of the position, in what endless turn controls,
+and in the registers that tell of both: one class for each. All else, such as the size of a step and the unit of a
+measured value, stands in the table of the model. Plans are kept in radians and become steps when they are read.
 
 A loop of control measures, checks what may be wrong, moves the plan on and sets the bridge until the next loop. So
 a JOG counts from the loop before it was heard. The laws of control are in servobus.families.herkulex.control.
 """
 
-import functools
 import math
 from collections.abc import Iterable
+from typing import ClassVar, cast
 
-from servobus.core.framing import Corrupt, Packet
 from servobus.core.ids import BROADCAST
-from servobus.core.registers import Access
-from servobus.core.units import deg
+from servobus.core.units import Flags, deg
+from servobus.families.herkulex.answering import AnsweringServo
 from servobus.families.herkulex.control import (
-    MEASURED,
+    MagneticEncoder,
     OverloadTimer,
     PositionControl,
+    Potentiometer,
+    Sensor,
     SpeedControl,
     Speedometer,
     Stages,
 )
-from servobus.families.herkulex.places import EEP, RAM
 from servobus.families.herkulex.protocol import (
     TICK,
-    Ack,
     Aux,
-    Code,
     ControlMode,
-    EepRead,
-    EepWrite,
-    IJog,
     Jog,
-    Keep,
     Led,
-    RamRead,
-    RamWrite,
-    Reboot,
-    Request,
-    Rollback,
-    SJog,
-    Stat,
     StatusDetail,
     StatusError,
     TorqueControl,
-    UnknownCommandError,
-    encode,
-    parse_request,
 )
 from servobus.virtual.device.options import ON_OFF, OneOf, Option, Span
-from servobus.virtual.device.servo import Replies, VirtualServo
-from servobus.virtual.physics.trajectory import GoalTrajectory, Profile, Ramp, StepCounter, StopDetection, ramp_time
+from servobus.virtual.device.servo import VirtualServo
+from servobus.virtual.physics.trajectory import GoalTrajectory, Profile, Ramp, StopDetection, ramp_time
 
-_parse = functools.lru_cache(maxsize=16)(parse_request)
-"""All servos of a line read the same packet: one with 53 JOGs is taken apart once, not once by each."""
 CLOCK = 2_000_000
 """bit/s = CLOCK / (code + 1): fits all codes of NO 5. 0x10 is really 117647, 0x22 really 57143 (within the 3 %)."""
 LOOPS = 4
@@ -68,18 +50,20 @@ WARMING = 36
 """Loops in which a standing shaft is left alone while it gets warmer or colder: 0.1 s."""
 BLINK = 0.25
 """s; assumption: how long the light is on at power-on (3-3 only says that it blinks once)."""
+SPEED_GAINS = 100, 12000
+"""Gains of speed control where no register holds them: assumption EH-57, the factory settings of the DRS-0602."""
 
 WINDOW = 160 * deg
-"""How far from the middle the potentiometer reaches: 320 degrees in all (2-2; which, is assumption EH-37)."""
+"""How far from the middle the second sensor reaches: 320 degrees in all (2-2; which, is assumption EH-37)."""
 SET_TO = {Aux.MINUS_180: -180 * deg, Aux.CENTRE: 0.0, Aux.PLUS_180: 180 * deg}
 """What angle the choices of Aux 1 set Absolute Position to (NO 45); RAW_0 and RAW_32767 are its ends."""
-WATCHED = StatusError.INPUT_VOLTAGE, StatusError.TEMPERATURE, StatusError.OVERLOAD
+WATCHED = StatusError.INPUT_VOLTAGE, StatusError.TEMPERATURE, StatusError.OVERLOAD, StatusError.DRIVER_FAULT
 CAUSES = StatusDetail(0x3C)
 """Bits of Status Detail that stay until they are cleared; the others show what is (4-2 NO 44)."""
 
 
-class HerkulexServo(VirtualServo):
-    """Where the manual says nothing about motion, these assumptions hold.
+class HerkulexServo(AnsweringServo):
+    """What all series have. Where the manual says nothing about motion, these assumptions hold.
 
     - A new profile starts where the present one is, even if the shaft is late; out of infinite turn, where
       the shaft is.
@@ -99,15 +83,11 @@ class HerkulexServo(VirtualServo):
     )  # fmt: skip
     position_flags = Option(
         ON_OFF, practice=False, manual=False, decision="EH-44",
-        text="whether position words carry a flag in the bit above the position",
+        text="whether position words carry flags in the bits above the position",
     )  # fmt: skip
     brake_jog = Option(
         ON_OFF, practice=False, manual=False, decision="EH-15",
         text="whether a JOG moves a servo that is braked: it switches the torque on",
-    )  # fmt: skip
-    overload_step = Option(
-        OneOf(("4ms", "11.2ms")), practice="4ms", manual="4ms", decision="EH-08",
-        text="what one step of Overload Detection Period is",
     )  # fmt: skip
     goal_limits = Option(
         OneOf(("calibrated", "absolute")), practice="calibrated", manual="calibrated", decision="EH-36",
@@ -125,27 +105,32 @@ class HerkulexServo(VirtualServo):
 
     # Life
 
+    driver_faulty = False
+    """Whether the motor driver is broken; set it to see what the servo does about it, if its model reports that."""
+    position_marks = 0x8000
+    """What `position_flags` sets above a position."""
+
+    sensor: ClassVar[type[Sensor]]
+    """How the series senses its position."""
+
     def start(self) -> None:
-        rows = self.model.registers.values()
-        self._rows = {
-            space: [(at, row) for row in rows if (at := row.place.within(space)) is not None] for space in (EEP, RAM)
-        }
-        scale = self.row("absolute_position").scale
-        self._steps: int = self.row("goal_position").limits[1] + 1
-        """Positions there are."""
+        super().start()
         self._full: int = self.row("max_pwm").limits[1]
         """pwm that is full output (NO 64 and NO 22)."""
-        self._counter = StepCounter(scale.decode(1) - scale.decode(0), scale.encode(0.0), self._steps)
-        self._place(Aux.POTENTIOMETER)  # H-4
-        self._loops = 0
-        self._goal = self.shaft.position
-        self._trajectory = GoalTrajectory(self.tick, Profile(self._goal, self._goal))
+        scale = self.row("absolute_position").scale
+        steps = self.row("goal_position").limits[1] + 1
+        self._counter = self.sensor(scale.decode(1) - scale.decode(0), scale.encode(0.0), steps)
+        self._find()
         self._per_step = 1 / self._counter.step
-        self._slowest = self._counter.step / MEASURED  # rad/s
         self._speed_unit = self.row("differential_position").scale.decode(1)
+        lasts = round(self._counter.step / self._speed_unit / self.tick)  # EH-58
+        self._slowest = self._counter.step / (lasts * self.tick)  # rad/s
+        self._loops = 0
+        self._goal = self._here
+        self._trajectory = GoalTrajectory(self.tick, Profile(self._goal, self._goal))
         count = round(self.shaft.position * self._per_step)
         self._stop = StopDetection(count)
-        self._meter = Speedometer(self.tick, count)
+        self._meter = Speedometer(lasts, count)
         self._position, self._turning = PositionControl(self.tick, self._full), SpeedControl(self.tick)
         self._watches = {error: OverloadTimer() for error in WATCHED}
         self._driven = self._alert = False
@@ -155,10 +140,7 @@ class HerkulexServo(VirtualServo):
 
     @property
     def home(self) -> float:
-        return 0.0  # raw 16384, the middle of the range
-
-    def garbage(self, now: float) -> None:  # noqa: ARG002 - the timer of the line is the servo's
-        self._fault(StatusError.INVALID_PACKET, StatusDetail.GARBAGE)
+        return 0.0  # the middle of the range
 
     @property
     def torque(self) -> bool:
@@ -186,100 +168,6 @@ class HerkulexServo(VirtualServo):
     def trajectory(self) -> float | None:
         return self._trajectory.position if self._driven else None
 
-    # Packets
-
-    def hear(self, event: Packet | Corrupt, now: float) -> Replies:
-        # What cannot be understood is noted and not answered, not even with the STAT bits (H-13, H-14).
-        if isinstance(event, Corrupt):
-            self._fault(StatusError.INVALID_PACKET, StatusDetail.CHECKSUM_ERROR)
-            return []
-        try:
-            request = _parse(event)
-        except UnknownCommandError:
-            self._fault(StatusError.INVALID_PACKET, StatusDetail.UNKNOWN_COMMAND)
-            return []
-        except ValueError:
-            self._fault(StatusError.INVALID_PACKET)  # wrong length: the cause without a bit (EH-31)
-            return []
-        id = self.id  # that of the request, even if it changes the id (H-36)
-        data = self._obey(request)
-        replies: Replies = []
-        if self._answers(request):
-            self._sense()
-            status = StatusError(self.get("status_error")), StatusDetail(self.get("status_detail"))
-            replies = [(0.0, encode(Ack(id, Code(event.code), data, *status)))]
-        if isinstance(request, Reboot):
-            self.restart(now)
-        return replies
-
-    def _answers(self, request: Request) -> bool:
-        if isinstance(request, Stat):
-            return True
-        policy = self.get("ack_policy")  # a changed one holds for the ACK of its own write (H-30)
-        return request.id != BROADCAST and policy >= (1 if isinstance(request, EepRead | RamRead) else 2)
-
-    def _obey(self, request: Request) -> bytes:
-        """Carry out a request; give what its ACK says before the two status bytes."""
-        match request:
-            case EepRead(_, address, length):
-                return self._read(EEP, address, length)
-            case RamRead(_, address, length):
-                return self._read(RAM, address, length)
-            case EepWrite(_, address, data):
-                self._write(EEP, address, data)
-            case RamWrite(_, address, data):
-                self._write(RAM, address, data)
-            case IJog(_, jogs):
-                self._jog((jog, jog.playtime) for jog in jogs)
-            case SJog(_, playtime, jogs):
-                self._jog((jog, playtime) for jog in jogs)
-            case Rollback(_, keep):
-                names = {Keep.ID: "id", Keep.CALIBRATION: "calibration_difference", Keep.BAUD: "baud_rate"}
-                self.memory.factory_reset([self.row(name) for bit, name in names.items() if bit & keep])
-        return b""
-
-    def _read(self, space: str, address: int, length: int) -> bytes:
-        self._sense()
-        there = self.memory.space(space)
-        if address + length > len(there):
-            self._fault(StatusError.INVALID_PACKET, StatusDetail.EXCEED_REG_RANGE)  # H-15
-            return b""
-        return bytes((address, length)) + there[address : address + length]
-
-    def _write(self, space: str, address: int, data: bytes) -> None:
-        accepted = self._accepted(space, address, data)
-        if accepted is None:
-            self._fault(StatusError.INVALID_PACKET, StatusDetail.EXCEED_REG_RANGE)
-            return
-        self.memory.write(space, address, accepted)
-        if space == RAM:
-            self._settle()
-
-    def _accepted(self, space: str, address: int, data: bytes) -> bytes | None:
-        """Give the bytes to store; None if any may not be written, for then none is (H-15, H-38, H-40).
-
-        A single byte of two may be written (assumption): what both then make must be in range.
-        """
-        image = bytearray(self.memory.space(space))
-        end = address + len(data)
-        if end > len(image):
-            return None
-        image[address:end] = data
-        for at, row in self._rows[space]:
-            if not (at < end and address < at + row.layout.size):
-                continue
-            if row.access is Access.READ:
-                return None
-            if row.access is Access.RESERVED:
-                image[at] = 0  # H-39
-            elif row.name == "torque_control":
-                image[at] &= TorqueControl.ON  # the mask of NO 47
-                if not row.accepts(image[at]):
-                    image[at] = TorqueControl.FREE  # H-46: 0x20 alone means nothing
-            elif not row.accepts(row.layout.unpack(bytes(image[at : at + row.layout.size]))):
-                return None
-        return bytes(image[address:end])
-
     # Registers
 
     def options_changed(self) -> None:
@@ -289,56 +177,57 @@ class HerkulexServo(VirtualServo):
         """Do what follows from the values of RAM."""
         self.id = self.get("id")
         self.garbage_timeout = self._value("packet_garbage_check_period")
-        volts, celsius, overload = self._watches.values()
+        volts, celsius, overload, _ = self._watches.values()  # a broken driver is told at once (assumption)
         volts.limit = celsius.limit = self.get("adc_fault_check_period") * LOOPS
-        period = self._value("overload_detection_period")
-        if self.overload_step == "11.2ms":
-            period = self.get("overload_detection_period") * TICK
+        period = self._overload_period()
         overload.limit = int(period / self.tick + 1e-6)
         # Without a period there is no output that would be too high (H-64).
         self._too_high = self.get("overload_pwm_threshold") if period else self._full
         self._limits = tuple(  # what still reads as allowed
-            self.row(name).scale.decode(1) * (self.get(name) + half)
-            for name, half in (("min_voltage", -0.5), ("max_voltage", 0.5), ("max_temperature", 0.5))
+            (self._value(name) + self.row(name).scale.decode(self.get(name) + beyond)) / 2
+            for name, beyond in (("min_voltage", -1), ("max_voltage", 1), ("max_temperature", 1))
         )
         self._stop.loops = self.get("stop_detection_period") * LOOPS
         self._stop.threshold = self.get("stop_threshold")
         forward = (self.get(f"position_feedforward_{name}_gain") for name in ("1st", "2nd"))
         self._position.tune(*(self.get(f"position_k{name}") for name in "pdi"), *forward)
-        self._turning.tune(self.get("velocity_kp"), self.get("velocity_ki"))
+        self._turning.tune(*self._speed_gains())
         names = "dead_zone", "pwm_offset", "min_pwm", "max_pwm", "saturator_offset", "saturator_slope"
         self._stages = Stages(*(self.get(name) for name in names))
-        self.put("status_error", self.get("status_error") & ~StatusError.DRIVER_FAULT)  # H-59
-        choice = Aux(self.get("aux_1"))
-        if choice is not Aux.NOTHING:
-            self.put("aux_1", Aux.NOTHING)  # H-104
-            self._place(choice)
+        known = sum(cast("Flags[StatusError]", self.row("status_error").scale).used)
+        self.put("status_error", self.get("status_error") & known)  # H-59
+        self._tells_driver = bool(known & StatusError.DRIVER_FAULT)
         self._switch(self.get("torque_control"))
 
+    def _overload_period(self) -> float:
+        """Give the time in seconds that an overload must last."""
+        return self._value("overload_detection_period")
+
+    def _speed_gains(self) -> tuple[int, int]:
+        """Give the P and I gains of speed control."""
+        return SPEED_GAINS
+
     def _sense(self) -> None:
-        """Bring the registers that are measured up to date."""
-        here, trajectory = self.shaft.position, self._trajectory
+        here, trajectory = self._here, self._trajectory
         set_point = trajectory.position if self._driven and trajectory.position is not None else here
         absolute, goal = self._counter.read(here), self._counter.read(self._goal)
         self._measured("voltage", self.voltage)
         self._measured("temperature", self.temperature)
         self.put("tick", self._loops // LOOPS & 0xFF)
-        flags = self.row("absolute_position").layout.flags if self.position_flags else 0
-        self.put("absolute_position", absolute | flags)
-        self.put("calibrated_position", (absolute - self.get("calibration_difference")) % self._steps | flags)
+        marks = self.position_marks if self.position_flags else 0
+        self.put("absolute_position", absolute | marks)
+        self.put("calibrated_position", self._counter.told(absolute - self.get("calibration_difference")) | marks)
         self._measured("differential_position", self._meter.way * self._slowest)
         self.put("pwm", self._pwm)
-        self._measured("absolute_2nd_position", self._potentiometer)
         self.put("absolute_goal_position", goal)
         self.put("absolute_desired_trajectory_position", self._counter.read(set_point))
-        self._measured("desired_velocity", trajectory.speed if self._driven else 0.0)
+        self._measured("desired_velocity", self._planned_speed if self._driven else 0.0)
         state = self._stop.moving * StatusDetail.MOVING | self._driven * StatusDetail.TORQUE_ON
         if self._driven and trajectory.position is not None and abs(goal - absolute) < self.get("inposition_margin"):
             state |= StatusDetail.INPOSITION
         self.put("status_detail", self.get("status_detail") & CAUSES | state)
 
     def _fault(self, error: StatusError, cause: int = 0) -> None:
-        """Note an error; it stays until a host clears it (H-19)."""
         self.put("status_error", self.get("status_error") | error)
         self.put("status_detail", self.get("status_detail") | cause)
         self._switch(self.get("torque_control"))
@@ -356,7 +245,7 @@ class HerkulexServo(VirtualServo):
                 self._hold()
                 if self.goal_after_limp == "kept":
                     self._goal = goal
-                    self._begin(Profile(self.shaft.position, goal))
+                    self._begin(Profile(self._here, goal))
             else:
                 self._begin(Ramp())  # assumption: it waits for a JOG that says how fast
         if not driven:
@@ -372,23 +261,13 @@ class HerkulexServo(VirtualServo):
         low, high = self.row(name).limits
         self.put(name, max(low, min(self.row(name).scale.encode(value), high)))
 
-    # Where the shaft is
-
-    def _place(self, choice: Aux) -> None:
-        """Set Absolute Position anew (NO 45)."""
-        if choice in (Aux.RAW_0, Aux.RAW_32767):
-            steps: float = 0 if choice is Aux.RAW_0 else self._steps - 1
-        elif choice in SET_TO:
-            steps = self.row("absolute_position").scale.encode(SET_TO[choice])
-        else:
-            steps = self._potentiometer / self._counter.step + self._counter.zero
-        self._counter.place(self.shaft.position, steps)
+    def _find(self) -> None:
+        """Find out at power-on where the shaft is."""
 
     @property
-    def _potentiometer(self) -> float:
-        """Angle within one turn. The 40 degrees it does not cover read as the nearer end (assumption)."""
-        angle = math.remainder(self.shaft.position, math.tau)
-        return max(-WINDOW, min(angle, WINDOW))
+    def _here(self) -> float:
+        """Where the sensor takes the shaft to be, rad."""
+        return self._counter.where(self.shaft.position)
 
     # What is to be done: plans
 
@@ -402,7 +281,7 @@ class HerkulexServo(VirtualServo):
 
     def _hold(self) -> None:
         """Make the present position the goal (H-51, H-82)."""
-        self._goal = here = self.shaft.position
+        self._goal = here = self._here
         self._counter.wrap(here)
         self._begin(Profile(here, here))
 
@@ -422,7 +301,7 @@ class HerkulexServo(VirtualServo):
         start, speed = self._trajectory.position, 0.0 if jog.no_override else self._speed
         if start is None or jog.stop:
             self._hold()
-            start = self.shaft.position
+            start = self._here
         if jog.stop:
             return
         # The number asked for is what is compared, not the absolute goal (EH-36).
@@ -432,24 +311,38 @@ class HerkulexServo(VirtualServo):
             self._fault(StatusError.POSITION_LIMIT)
             if not self._driven:
                 return
-        goal = max(0, min(value + self.get("calibration_difference"), self._steps - 1))
+        goal = max(0, min(value + self.get("calibration_difference"), self._counter.size - 1))
         self._goal = self._counter.angle(goal)
         self._begin(Profile(start, self._goal, duration, self._ramp_time(duration), speed))
 
     def _turn(self, jog: Jog, duration: float) -> None:
         """Change the speed; the playtime sets how long that takes (assumption EH-40)."""
-        before = 0.0 if jog.no_override else self._speed
+        before = 0.0 if jog.no_override else self._in_turn(self._speed)
         after = self.model.turn_scale.decode(jog.value)
         ramp = self._ramp_time(duration if self.turn_playtime == "ramp" else 0.0)
         self._begin(Ramp() if jog.stop else Ramp(before, after, ramp))
 
+    def _in_turn(self, speed: float) -> float:
+        """Give a speed as a plan of endless turn has it."""
+        return speed
+
+    @property
+    def _planned_speed(self) -> float:
+        """Speed of the plan, rad/s."""
+        return self._trajectory.speed
+
     @property
     def _speed(self) -> float:
         """Speed of the plan, as far as the supply allows it."""
-        return max(-self.top_speed, min(self._trajectory.speed, self.top_speed))
+        return max(-self.top_speed, min(self._planned_speed, self.top_speed))
 
     def _ramp_time(self, duration: float) -> float:
         return ramp_time(duration, self._value("acceleration_ratio"), self._value("max_acceleration_time"))
+
+    def _turn_output(self) -> float:
+        """Give the pwm that endless turn asks for: what controls the speed."""
+        error = (self._trajectory.speed - self._meter.way * self._slowest) / self.model.turn_scale.decode(1)
+        return self._turning.output(error)
 
     # The control loop
 
@@ -472,10 +365,9 @@ class HerkulexServo(VirtualServo):
         if self._driven:
             setpoint = trajectory.position
             if setpoint is None:
-                error = (trajectory.speed - self._meter.way * self._slowest) / self._speed_unit
-                self._pwm = self._stages.speed(self._turning.output(error))
+                self._pwm = self._stages.speed(self._turn_output())
             else:
-                error = round((setpoint - position) * self._per_step)
+                error = round((setpoint - self._counter.where(position)) * self._per_step)
                 speed = trajectory.speed / self._speed_unit if self._position.forward else 0.0
                 self._pwm = self._stages.position(self._position.output(error, speed), error)
             shaft.drive(self._pwm / self._full)
@@ -487,9 +379,10 @@ class HerkulexServo(VirtualServo):
         volts = not lowest <= self.shaft.rail.voltage < highest
         celsius = self.shaft.state.case >= hottest
         overload = abs(self._pwm) > self._too_high
-        if volts or celsius or overload or self._alert:
-            self._alert = volts or celsius or overload
-            for wrong, (error, watch) in zip((volts, celsius, overload), self._watches.items(), strict=True):
+        driver = self.driver_faulty and self._tells_driver
+        if volts or celsius or overload or driver or self._alert:
+            self._alert = volts or celsius or overload or driver
+            for wrong, (error, watch) in zip((volts, celsius, overload, driver), self._watches.items(), strict=True):
                 if watch.step(wrong) and not self.get("status_error") & error:
                     self._fault(error)
 
@@ -507,7 +400,7 @@ class HerkulexServo(VirtualServo):
             return False
         if setpoint is None:
             return self._trajectory.speed == 0
-        return self._position.steady(round((setpoint - self.shaft.position) * self._per_step))
+        return self._position.steady(round((setpoint - self._here) * self._per_step))
 
     def _wait(self, ticks: int) -> int:
         """Let up to this many quiet loops pass at once; tell how many."""
@@ -520,3 +413,77 @@ class HerkulexServo(VirtualServo):
         self._loops += loops
         self._check()
         return loops
+
+
+class MagneticServo(HerkulexServo):
+    """DRS-0402 and 0602: a magnetic encoder that counts turns, and a potentiometer that finds it at power-on (H-4)."""
+
+    overload_step = Option(
+        OneOf(("4ms", "11.2ms")), practice="4ms", manual="4ms", decision="EH-08",
+        text="what one step of Overload Detection Period is",
+    )  # fmt: skip
+
+    sensor = MagneticEncoder
+
+    def _find(self) -> None:
+        self._place(Aux.POTENTIOMETER)  # H-4
+
+    @property
+    def _potentiometer(self) -> float:
+        """Angle within one turn. The 40 degrees it does not cover read as the nearer end (assumption)."""
+        angle = math.remainder(self.shaft.position, math.tau)
+        return max(-WINDOW, min(angle, WINDOW))
+
+    def _overload_period(self) -> float:
+        if self.overload_step == "11.2ms":
+            return self.get("overload_detection_period") * TICK
+        return super()._overload_period()
+
+    def _speed_gains(self) -> tuple[int, int]:
+        return self.get("velocity_kp"), self.get("velocity_ki")
+
+    def _settle(self) -> None:
+        choice = Aux(self.get("aux_1"))
+        if choice is not Aux.NOTHING:
+            self.put("aux_1", Aux.NOTHING)  # H-104
+            self._place(choice)
+        super()._settle()
+
+    def _sense(self) -> None:
+        super()._sense()
+        self._measured("absolute_2nd_position", self._potentiometer)
+
+    def _place(self, choice: Aux) -> None:
+        """Set Absolute Position anew (NO 45)."""
+        if choice in (Aux.RAW_0, Aux.RAW_32767):
+            steps: float = 0 if choice is Aux.RAW_0 else self._counter.size - 1
+        elif choice in SET_TO:
+            steps = self.row("absolute_position").scale.encode(SET_TO[choice])
+        else:
+            steps = self._potentiometer / self._counter.step + self._counter.zero
+        self._counter.place(self.shaft.position, steps)
+
+
+class PotentiometerServo(HerkulexServo):
+    """DRS-0401 and 0601: a potentiometer alone, which cannot tell one turn from the next."""
+
+    sensor = Potentiometer
+
+
+class SmallServo(PotentiometerServo):
+    """DRS-0101 and 0201: endless turn by a share of the full output, without control of the speed (EH-57)."""
+
+    position_marks = 0x6000  # EH-44
+
+    def _turn_output(self) -> float:
+        return self._trajectory.speed * self._full  # the plan is one of output
+
+    def _in_turn(self, speed: float) -> float:
+        return speed / self.top_speed if self.top_speed else 0.0
+
+    @property
+    def _planned_speed(self) -> float:
+        """While it turns without end, the speed that it has at that output without load (assumption)."""
+        if self._trajectory.position is None:
+            return self._trajectory.speed * self.top_speed
+        return super()._planned_speed

@@ -4,38 +4,18 @@ A JOG, the command that moves, sets the lights as well: without colours in it th
 """
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack_only, told
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
-from servobus.core.registers import Area, Location, Register
+from servobus.core.registers import Area, Register
 from servobus.core.units import deg, show
-from servobus.errors import BadValue, BusError, NoReply, Refused
-from servobus.families.base import (
-    LIMP,
-    TRIES,
-    TURNS_NO_MORE,
-    Answers,
-    AxisMove,
-    Family,
-    Identity,
-    KnownServo,
-    Model,
-    MotionStatus,
-    Reading,
-    ServoRef,
-    StopOutcome,
-    TorqueState,
-    adjacent,
-    blocks,
-    cannot,
-    fetch,
-    within,
-)
-from servobus.families.explain import addressed
-from servobus.families.herkulex.explain import say_ack, say_request
+from servobus.errors import BadValue, BusError, NoReply
+from servobus.families.base import Family, Identity
+from servobus.families.change import set_registers
+from servobus.families.herkulex import listening, maps
 from servobus.families.herkulex.places import EEP, RAM
 from servobus.families.herkulex.protocol import (
     ACK,
@@ -44,40 +24,35 @@ from servobus.families.herkulex.protocol import (
     FRAMING,
     LONGEST_BOOT,
     LONGEST_PLAYTIME,
-    MAX_DATA,
     MOST_I_JOG,
     MOST_S_JOG,
     SPEED_LAYOUT,
     TICK,
-    TURNAROUND,
     Code,
     ControlMode,
-    EepRead,
-    IJog,
     Jog,
     Keep,
     Led,
-    RamRead,
-    SJog,
     Stat,
     StatusDetail,
     StatusError,
     TorqueControl,
     eep_read,
-    eep_write,
     exchange,
     i_jog,
-    parse_ack,
-    parse_request,
     ram_read,
-    ram_write,
     reboot,
     rollback,
     s_jog,
     show_flags,
     stat,
 )
-from servobus.families.motion import nearest, raw_position
+from servobus.families.model import Model
+from servobus.families.motion import AxisMove, MotionStatus, TorqueState, about_to_turn, nearest, raw_position
+from servobus.families.reading import Reading, fetch
+from servobus.families.refusal import cannot, check_output, stays_off
+from servobus.families.stopping import LIMP, TRIES, TURNS_NO_MORE, StopOutcome, let_go_outside, reachable
+from servobus.families.target import Answers, KnownServo, ServoRef
 
 _COLOURS = {
     "off": Led.OFF, "on": Led.GREEN | Led.BLUE | Led.RED, "white": Led.GREEN | Led.BLUE | Led.RED,
@@ -100,6 +75,7 @@ class Herkulex(Family):
     keepable = tuple(_KEEPS)
     driven = TorqueControl.ON
     torque_rows = ("torque_control", "torque_policy", "status_error")
+    mode_rows = ("current_control_mode",)
     holds_outside_limits = True  # H-51
     patience = LONGEST_BOOT
     needs = (
@@ -135,17 +111,21 @@ class Herkulex(Family):
         # Version bytes 00 90 read as "0.90": an assumption, the manual does not say how they are written.
         return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", answers)
 
+    def number_text(self, number: int | None) -> str:
+        """Give the digits of the name: "0102" is a DRS-0102."""
+        return super().number_text(number) if number is None else f"{number:04x}"
+
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
         """STAT, and reads: an ACK tells command, address and length of its request."""
         return (stat(id), ram_read(id, 0, 1), eep_read(id, 0, 1), ram_read(id, 0, 2))
 
     def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         """Read from RAM what RAM has, the rest from EEP."""
-        return _reading(target, registers, [row.place.locations[0] for row in registers])
+        return maps.reading(target, registers, [row.place.locations[0] for row in registers])
 
     def read_stored(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Procedure[list[int]]:
         """Read from EEP what EEP has, the rest from RAM."""
-        return fetch(_reading(target, registers, [row.place.locations[-1] for row in registers]))
+        return fetch(maps.reading(target, registers, [row.place.locations[-1] for row in registers]))
 
     def put(
         self, target: ServoRef, values: Mapping[Register[Any], int], *, keep: bool, same: Collection[Register[Any]] = ()
@@ -159,18 +139,14 @@ class Herkulex(Family):
         for row, raw in values.items():
             spots = row.place.locations if keep else row.place.locations[:1]
             parts += [(spot, row.layout.pack(raw)) for spot in spots if spot[0] == RAM or row not in same]
-        yield from self._send(target, parts)
+        yield from maps.write(target, parts)
 
     def wears(self, register: Register[Any], *, keep: bool) -> bool:
         """EEP is written by `store`, and by `write` where RAM does not have the register."""
         return register.area is Area.EEPROM and (keep or not register.place.has_working_copy)
 
-    def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
-        names = ("present_position", "min_position", "max_position", "current_control_mode", *self.torque_rows)
-        raw = yield from self.read_values(target, names)
-        position: float = target.model.register("present_position").decode(raw["present_position"])
-        turning, torque = raw["current_control_mode"] == ControlMode.INFINITE_TURN, self.torque_state(raw)
-        return MotionStatus(position, torque.on, raw["min_position"], raw["max_position"], turning, torque.shutdown)
+    def is_turning(self, values: Mapping[str, int]) -> bool:
+        return values["current_control_mode"] == ControlMode.INFINITE_TURN
 
     def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
         """Look at the errors too: those of Torque Policy keep the torque off until they are cleared (H-52 to H-54)."""
@@ -204,7 +180,7 @@ class Herkulex(Family):
         return ack.status_detail & (StatusDetail.MOVING | StatusDetail.INPOSITION) == StatusDetail.MOVING
 
     def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
-        """Send a JOG with the stop flag; beside it speed 0 or the present position, in case they count (H-82).
+        """Send a JOG with the stop flag.
 
         By default nothing answers a JOG. That it has arrived shows in the goal, which is another then, or else in the
         shaft, which stands.
@@ -215,14 +191,14 @@ class Herkulex(Family):
             if not motion_status.torque:
                 return LIMP
             if motion_status.turning:
-                yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, stop=True))
+                yield from _stop_jog(target, motion_status)
                 if (yield from self._stands(target)):
                     return TURNS_NO_MORE
                 continue
-            if self.reachable(target, motion_status) is None:
-                return (yield from self.outside(target, motion_status))
+            if reachable(target, motion_status) is None:
+                return (yield from let_go_outside(target, motion_status))
             before = yield from self.read(target, [row])
-            yield from _jog(target, Jog(target.id, nearest(target, motion_status), stop=True))
+            yield from _stop_jog(target, motion_status)
             if (yield from self.read(target, [row])) != before or (yield from self._stands(target)):
                 return StopOutcome(f"held at {row.show(motion_status.position)}")
         raise BusError(f"{target} still moves: it did not take a JOG with the stop flag")
@@ -242,9 +218,7 @@ class Herkulex(Family):
     def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
         """Torque that comes on takes the present position as its goal by itself (H-51); a speed may be kept."""
         if motion_status.torque or motion_status.turning:
-            mode = ControlMode.INFINITE_TURN if motion_status.turning else ControlMode.POSITION
-            value = 0 if motion_status.turning else nearest(target, motion_status)
-            yield from _jog(target, Jog(target.id, value, mode, stop=True))
+            yield from _stop_jog(target, motion_status)
 
     def _drive(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
         """Send JOGs with the stop flag right behind, before the shaft can get far.
@@ -257,10 +231,8 @@ class Herkulex(Family):
             return
         (led,) = yield from self.read(target, [target.model.register("led_control")])
         yield from super()._drive(target, motion_status)
-        mode = ControlMode.INFINITE_TURN if motion_status.turning else ControlMode.POSITION
-        value = 0 if motion_status.turning else nearest(target, motion_status)
         for _ in range(TRIES):
-            yield from told(_jog(target, Jog(target.id, value, mode, Led(led), stop=True)))
+            yield from told(_stop_jog(target, motion_status, Led(led)))
 
     def push(self, target: ServoRef) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("pwm", "max_pwm")]
@@ -271,7 +243,7 @@ class Herkulex(Family):
         """Torque Control 0x40 (5-2 RAM 52)."""
         row = target.model.register("torque_control")
         for _ in range(TRIES):
-            yield from self._set(target, {row: TorqueControl.BRAKE})
+            yield from set_registers(target, {row: TorqueControl.BRAKE})
             if target.answers is Answers.NOTHING or (yield from self.read(target, [row])) == [TorqueControl.BRAKE]:
                 return
         raise BusError(f"{target} did not brake")
@@ -301,29 +273,25 @@ class Herkulex(Family):
         if not standing & policy:
             standing = yield from self._clear(target)
         if standing & policy:
-            said = show_flags(standing & policy)
-            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
+            raise stays_off(target, standing, show_flags(standing & policy))
 
     def _clear(self, target: KnownServo) -> Procedure[StatusError]:
         """Write 0 to Status Error and Status Detail; give what stands there afterwards."""
         clear = {target.model.register(name): 0 for name in ("status_error", "status_detail")}
-        yield from self._set(target, clear)
+        yield from set_registers(target, clear)
         ack = yield from stat(target.id)
         if ack.status_error:  # by default a write is not answered: it may have been lost
-            yield from self._set(target, clear)
+            yield from set_registers(target, clear)
             ack = yield from stat(target.id)
         return ack.status_error
 
     def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
-        """Infinite turn, with controlled speed. Asked for more than it reaches, it obeys late (6-5)."""
-        if speed is None or output is not None:
-            raise cannot(target, "turn at a share of full output", "it controls its speed; give speed in rad/s")
-        scale = target.model.turn_scale
-        fastest = scale.decode(SPEED_LAYOUT.range[1])
-        if not abs(speed) <= fastest:  # so that NaN is refused too
-            raise BadValue(f"{target}: speed {show(speed, 'rad/s')} is beyond {show(fastest, 'rad/s')}")
-        raw = scale.encode(speed)
-        yield from self.about_to_turn(target)
+        """Infinite turn: with controlled speed, or with a share of full output where the model knows no more (EH-57).
+
+        Asked for more speed than it reaches, it obeys late (6-5).
+        """
+        raw = _turn_value(target, speed, output)
+        yield from about_to_turn(target)
         yield from _jog(target, Jog(target.id, raw, ControlMode.INFINITE_TURN, playtime=_TURN_PLAYTIME))
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
@@ -346,11 +314,11 @@ class Herkulex(Family):
     def led(self, target: KnownServo, colour: str) -> Procedure[None]:
         if colour not in _COLOURS:
             raise BadValue(f"{target} has no light {colour!r}, only {', '.join(_COLOURS)}")
-        yield from self._set(target, {target.model.register("led_control"): _COLOURS[colour]})
+        yield from set_registers(target, {target.model.register("led_control"): _COLOURS[colour]})
 
     def reboot(self, target: KnownServo) -> Procedure[None]:
         target.record.forget()
-        yield from reboot(target.id, answered=_answers(target))
+        yield from reboot(target.id, answered=target.answers_writes)
 
     def reset(self, target: KnownServo, keep: frozenset[str]) -> Procedure[tuple[int, int]]:
         self.check_reset(target, keep)
@@ -363,7 +331,7 @@ class Herkulex(Family):
         assert new_id is not None
         assert code is not None
         kept = Keep(sum(_KEEPS[name] for name in keep))
-        yield from rollback(target.id, kept, answered=_answers(target))
+        yield from rollback(target.id, kept, answered=target.answers_writes)
         yield Pause(EEP_TIME)
         yield from self.await_eeprom(target, 0)
         yield from self.reboot(target)
@@ -376,51 +344,16 @@ class Herkulex(Family):
         one can be given it again.
         """
         row = target.model.register("id")
-        yield from self._keep(target, row, check_id(id))
+        yield from maps.keep(target, row, check_id(id))
         if id != target.id:
             yield from self.put(target, {row: id}, keep=False)
 
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         """Write EEP and restart: Baud Rate acts only then (H-37)."""
         register = target.model.register("baud_rate")
-        yield from self._keep(target, register, register.encode(baud))
+        yield from maps.keep(target, register, register.encode(baud))
         yield Pause(EEP_TIME)
         yield from self.reboot(target)
-
-    def _keep(self, target: KnownServo, row: Register[Any], raw: int) -> Procedure[None]:
-        """Write one register to EEP and nowhere else, until it is there. Raises BusError if it does not get there."""
-        part = row.place.locations[-1], row.layout.pack(raw)
-        if target.answers is Answers.NOTHING:  # then nothing can be made sure of
-            yield from self._send(target, [part])
-            return
-        for _ in range(2):
-            (kept,) = yield from self.read_stored(target, [row])
-            if kept == raw:
-                return
-            target.record.check_wear(str(target), [row])
-            target.record.wrote([row])
-            yield from self._send(target, [part])
-        (kept,) = yield from self.read_stored(target, [row])
-        if kept != raw:
-            raise BusError(f"{target} did not keep {row.name} = {raw}: it is {kept}")
-
-    def _send(self, target: ServoRef, parts: Iterable[tuple[Location, bytes]]) -> Procedure[None]:
-        """Write to EEP, then to RAM from the top down.
-
-        So ID and ACK Policy, RAM 0 and 1, come last: what followed them would have to go by the new ones.
-        """
-        maps: dict[str, dict[int, bytes]] = {EEP: {}, RAM: {}}
-        for (space, address), data in parts:
-            maps[space][address] = data
-        for address, data in adjacent(maps[EEP]):
-            yield from eep_write(target.id, address, data, answered=_answers(target))
-            yield from self.await_eeprom(target, len(data))
-        for address, data in reversed(adjacent(maps[RAM])):
-            new_policy = address <= ACK_POLICY < address + len(data)
-            yield from ram_write(target.id, address, data, answered=_answers(target) and not new_policy)
-            if new_policy:
-                # Whether the old or the new policy rules the ACK is an assumption (H-30): let one pass unheard.
-                yield Pause(2 * TURNAROUND)
 
     def explain(
         self,
@@ -428,80 +361,47 @@ class Herkulex(Family):
         request: Packet | None = None,  # noqa: ARG002 - the command tells requests from ACKs
         model: type[Model] | None = None,
     ) -> str:
-        try:
-            if packet.code & ACK:
-                return say_ack(parse_ack(packet), model)
-            return say_request(parse_request(packet), packet, model)
-        except ValueError as error:
-            return f"{error}, {addressed(packet.id)}"
+        return listening.explain(packet, model)
 
     def concerns(self, packet: Packet) -> tuple[int, ...]:
-        try:
-            message = parse_request(packet)
-        except ValueError:
-            return (packet.id,)
-        return tuple(jog.id for jog in message.jogs) if isinstance(message, IJog | SJog) else (packet.id,)
+        return listening.concerns(packet)
 
     def told_number(self, packet: Packet, request: Packet) -> int | None:  # noqa: ARG002 - the ACK repeats the address
-        """The model number is at EEP 0 and 1 of all models, its upper two digits first (4-2 NO 1, 2)."""
-        try:
-            ack = parse_ack(packet)
-        except ValueError:
-            return None
-        whole = ack.code is Code.EEP_READ and len(ack.data) >= 4 and len(ack.data) == ack.data[1] + 2
-        return ack.data[2] << 8 | ack.data[3] if whole and not ack.data[0] else None
+        return listening.told_number(packet)
 
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
-        """STAT is answered under every ACK Policy and by all, the rest never if it is for all (4-2 NO 8)."""
-        if packet.code & ACK:
-            return None
-        try:
-            message = parse_request(packet)
-        except ValueError:
-            message = None
-        everybody, code = packet.id == BROADCAST, packet.code | ACK
-        if isinstance(message, Stat):
-            return (ReplyPattern(None if everybody else packet.id, code, (2,)),)
-        if everybody:
-            return ()
-        if isinstance(message, EepRead | RamRead):
-            return (ReplyPattern(packet.id, code, (message.length + 4, 2)),)
-        return (ReplyPattern(packet.id, code, (2,), certain=False),)
+        return listening.replies_to(packet)
 
 
 HERKULEX = Herkulex()
 """The one instance, which all models share."""
 
 
-def _reading(target: ServoRef, registers: Sequence[Register[Any]], spots: Sequence[Location]) -> Reading:
-    """Tell what to ask for registers that stand at the spots given."""
-    if target.answers is Answers.NOTHING:
-        mend = f"`servobus write PORT {target.id} ack_policy=reads` lets it answer"
-        raise cannot(target, "be read", f"its ACK Policy is 0; {mend}")
-    wanted = list(zip(registers, spots, strict=True))
-    exchanges: list[Exchange[bytes]] = []
-    found: dict[Location, tuple[int, int]] = {}
-    for space, read in ((RAM, ram_read), (EEP, eep_read)):
-        inside = [(address, row.layout.size) for row, (home, address) in wanted if home == space]
-        # A second exchange costs 20 bytes, request and frame of the ACK: rather bridge a gap of that size.
-        spans = blocks(inside, gap=20, longest=MAX_DATA - 4)
-        for address, _ in inside:
-            n, at = within(spans, address)
-            found[space, address] = len(exchanges) + n, at
-        exchanges += [read(target.id, *span) for span in spans]
-    places = []
-    for row, spot in wanted:
-        n, at = found[spot]
-        places.append((n, slice(at, at + row.layout.size), row.layout))
-    return Reading(tuple(exchanges), tuple(places))
-
-
-def _answers(target: ServoRef) -> bool:
-    return target.answers is Answers.EVERYTHING
+def _turn_value(target: KnownServo, speed: float | None, output: float | None) -> int:
+    """Give the value of a JOG for infinite turn: a speed or a share of full output, as the model has it."""
+    scale = target.model.turn_scale
+    if not target.model.turns_at_speed():
+        if output is None or speed is not None:
+            raise cannot(target, "turn at a given speed", "its infinite turn has no speed control; give output=-1..1")
+        return scale.encode(check_output(output))
+    if speed is None or output is not None:
+        raise cannot(target, "turn at a share of full output", "it controls its speed; give speed in rad/s")
+    fastest = scale.decode(SPEED_LAYOUT.range[1])
+    if not abs(speed) <= fastest:  # so that NaN is refused too
+        raise BadValue(f"{target}: speed {show(speed, 'rad/s')} is beyond {show(fastest, 'rad/s')}")
+    return scale.encode(speed)
 
 
 def _jog(target: ServoRef, jog: Jog) -> Procedure[None]:
-    yield from i_jog(target.id, [jog], answered=_answers(target))
+    yield from i_jog(target.id, [jog], answered=target.answers_writes)
+
+
+def _stop_jog(target: ServoRef, status: MotionStatus, led: Led = Led.OFF) -> Procedure[None]:
+    """Send a JOG with the stop flag; beside it speed 0 or the present position, in case they count (H-82)."""
+    if status.turning:
+        yield from _jog(target, Jog(target.id, 0, ControlMode.INFINITE_TURN, led, stop=True))
+    else:
+        yield from _jog(target, Jog(target.id, nearest(target, status), led=led, stop=True))
 
 
 def _playtime(axis: AxisMove) -> int:

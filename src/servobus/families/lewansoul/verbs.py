@@ -5,38 +5,20 @@ from typing import Any
 
 from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack_only
 from servobus.core.framing import Packet
-from servobus.core.ids import BROADCAST, check_id
+from servobus.core.ids import check_id
 from servobus.core.registers import Area, Register
 from servobus.core.units import Flags, deg
 from servobus.core.values import replace
-from servobus.errors import BadValue, BusError, Refused, UsageError
-from servobus.families.base import (
-    LIMP,
-    TRIES,
-    TURNS_NO_MORE,
-    Answers,
-    AxisMove,
-    Family,
-    Identity,
-    KnownServo,
-    Model,
-    MotionStatus,
-    Reading,
-    ServoRef,
-    StopOutcome,
-    TorqueState,
-    cannot,
-    check_output,
-)
-from servobus.families.explain import addressed, show_bytes, show_value
+from servobus.errors import BadValue, BusError, UsageError
+from servobus.families.base import Family, Identity
+from servobus.families.change import set_registers
+from servobus.families.lewansoul import listening
 from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import (
     FRAMING,
     Alarm,
-    Answer,
     Command,
     Mode,
-    Request,
     angle_offset_write,
     length_of,
     mode_write,
@@ -44,15 +26,17 @@ from servobus.families.lewansoul.protocol import (
     move_stop,
     move_time_wait_write,
     move_time_write,
-    parse_answer,
-    parse_request,
     places_of,
     question,
     send,
     values_of,
-    without_surplus,
 )
-from servobus.families.motion import raw_position
+from servobus.families.model import Model
+from servobus.families.motion import AxisMove, MotionStatus, TorqueState, about_to_turn, inside_limits, raw_position
+from servobus.families.reading import Reading
+from servobus.families.refusal import cannot, check_output, not_taken, stays_off
+from servobus.families.stopping import LIMP, TRIES, TURNS_NO_MORE, StopOutcome, let_go_outside, reachable
+from servobus.families.target import Answers, KnownServo, ServoRef
 
 WATCH = 0.05
 """s between the two looks that tell whether a servo moves."""
@@ -68,6 +52,7 @@ class Lewansoul(Family):
     torque_rows = (
         "torque_enable", "present_temperature", "max_temperature", "present_voltage", "min_voltage", "max_voltage"
     )  # fmt: skip
+    mode_rows = ("mode",)
     holds_outside_limits = True  # L-70
     one_table = True  # the protocol document defines what its commands carry, and names no model
     torque_returns = True  # point 16
@@ -109,15 +94,8 @@ class Lewansoul(Family):
         """Command 19 tells the offset in use, which command 18 may not have saved yet."""
         return not _is_offset(register)
 
-    def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
-        raw = yield from self.read_values(
-            target, ("present_position", "min_position", "max_position", "mode", *self.torque_rows)
-        )
-        position: float = target.model.register("present_position").decode(raw["present_position"])
-        torque = self.torque_state(raw)
-        return MotionStatus(
-            position, torque.on, raw["min_position"], raw["max_position"], raw["mode"] == Mode.MOTOR, torque.shutdown
-        )
+    def is_turning(self, values: Mapping[str, int]) -> bool:
+        return values["mode"] == Mode.MOTOR
 
     def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
         """Look at temperature and supply too: outside their limits it lets go by itself (points 14, 16)."""
@@ -155,22 +133,29 @@ class Lewansoul(Family):
         becomes its last one, and shows in command 2.
         """
         yield from move_stop(target.id)  # before the questions, which cost time
-        goal, speed = (target.model.register(name) for name in ("goal_position", "motor_speed"))
         for _ in range(TRIES):
             motion_status = yield from self.motion_status(target)
             if motion_status.turning:
-                yield from mode_write(target.id, Mode.MOTOR, 0)
-                if (yield from self.read(target, [speed])) == [0]:
+                if (yield from self._ended_turn(target)):
                     return TURNS_NO_MORE if motion_status.torque else LIMP
             elif not motion_status.torque:
                 return LIMP  # and a move may switch it on (L-69)
-            elif (here := self.reachable(target, motion_status)) is None:
-                return (yield from self.outside(target, motion_status))
-            else:
-                yield from move_time_write(target.id, here, 0)
-                if (yield from self.read(target, [goal])) == [here]:
-                    return StopOutcome(f"held at {goal.show(goal.decode(here))}")
+            elif (here := reachable(target, motion_status)) is None:
+                return (yield from let_go_outside(target, motion_status))
+            elif (yield from self._took_goal(target, here)):
+                goal = target.model.register("goal_position")
+                return StopOutcome(f"held at {goal.show(goal.decode(here))}")
         raise BusError(f"{target} did not take that it is to stop")
+
+    def _ended_turn(self, target: ServoRef) -> Procedure[bool]:
+        """Set the speed of motor mode to 0, and tell whether the servo has that then."""
+        yield from mode_write(target.id, Mode.MOTOR, 0)
+        return (yield from self.read(target, [target.model.register("motor_speed")])) == [0]
+
+    def _took_goal(self, target: ServoRef, here: int) -> Procedure[bool]:
+        """Give a move to where the servo is, raw, and tell whether that is its last one then."""
+        yield from move_time_write(target.id, here, 0)
+        return (yield from self.read(target, [target.model.register("goal_position")])) == [here]
 
     def give_back(self, target: KnownServo) -> Procedure[None]:
         """The time is a part of the last move, which is given again where it moves nothing: to a servo at its goal."""
@@ -180,7 +165,7 @@ class Lewansoul(Family):
         goal = target.model.register("goal_position")
         way = goal.scale.decode(raw["goal_position"]) - goal.scale.decode(raw["present_position"])
         if raw["torque_enable"] and abs(way) < FAR:
-            yield from self._set(target, {goal: raw["goal_position"], **target.record.lent})
+            yield from set_registers(target, {goal: raw["goal_position"], **target.record.lent})
 
     def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
         """A servo that is loaded holds the angle at which it is (L-70, assumption).
@@ -189,21 +174,15 @@ class Lewansoul(Family):
         the limits that would run to the nearer one (L-31), so there it is only stopped.
         """
         here = raw_position(target, motion_status)
-        goal, speed = (target.model.register(name) for name in ("goal_position", "motor_speed"))
-        for _ in range(TRIES):
-            if motion_status.turning:
-                yield from mode_write(target.id, Mode.MOTOR, 0)
-                row, raw = speed, 0
-            elif motion_status.low <= here <= motion_status.high:
-                yield from move_time_write(target.id, here, 0)
-                row, raw = goal, here
-            else:  # no answer shows that this was heard: it is told as often as there are tries
+        if not inside_limits(target, motion_status):
+            for _ in range(TRIES):  # no answer shows that this was heard
                 yield from move_stop(target.id)
-                continue
-            if (yield from self.read(target, [row])) == [raw]:
+            return
+        for _ in range(TRIES):
+            if (yield from self._ended_turn(target) if motion_status.turning else self._took_goal(target, here)):
                 return
-        if motion_status.turning or motion_status.low <= here <= motion_status.high:
-            raise BusError(f"{target} did not take {row.name} = {row.show(row.decode(raw))}")
+        name, raw = ("motor_speed", 0) if motion_status.turning else ("goal_position", here)
+        raise not_taken(target, target.model.register(name), raw)
 
     def push(self, target: ServoRef) -> Procedure[float]:
         """Nothing tells the output: one that holds and is not near its goal is taken to push with all it has."""
@@ -221,8 +200,7 @@ class Lewansoul(Family):
         """Unload: of itself it would go on with its last move when the alarm is over (16)."""
         standing = yield from self.read_alarms(target)
         if standing:
-            said = Flags(Alarm).show(standing)
-            raise Refused(f"{target}: the torque stays off, for the cause is still there: {said}", standing)
+            raise stays_off(target, standing, Flags(Alarm).show(standing))
         if not motion_status.torque:
             yield from self.torque(target, on=False)
 
@@ -231,7 +209,7 @@ class Lewansoul(Family):
         if output is None or speed is not None:
             raise cannot(target, "turn at a given speed", "motor mode has no speed control; give output=-1..1")
         duty = target.model.register("motor_speed").encode(check_output(output))
-        yield from self.about_to_turn(target)
+        yield from about_to_turn(target)
         yield from mode_write(target.id, Mode.MOTOR, duty)
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
@@ -262,7 +240,7 @@ class Lewansoul(Family):
         if colour not in ("on", "off"):
             raise BadValue(f"{target} has one light: on or off, not {colour!r}")
         led = target.model.register("led")
-        yield from self._set(target, {led: led.encode(colour == "on")})
+        yield from set_registers(target, {led: led.encode(colour == "on")})
 
     def reboot(self, target: KnownServo) -> Procedure[None]:
         yield from ()  # a procedure without steps
@@ -275,9 +253,6 @@ class Lewansoul(Family):
         yield from ()  # a procedure without steps
         raise _no_reset(target)
 
-    def set_id(self, target: KnownServo, id: int) -> Procedure[None]:
-        yield from self._set(target, {target.model.register("id"): check_id(id)})
-
     def set_baud(self, target: KnownServo, baud: int) -> Procedure[None]:
         yield from ()  # a procedure without steps
         raise cannot(target, f"talk at {baud} baud", f"its speed is fixed at {target.model.factory_baud} (manual 2)")
@@ -288,30 +263,10 @@ class Lewansoul(Family):
         request: Packet | None = None,  # noqa: ARG002 - the length tells questions from answers
         model: type[Model] | None = None,
     ) -> str:
-        try:
-            return _say(parse_request(packet), model)
-        except ValueError as error:
-            problem = f"{error}, {addressed(packet.id)}"
-        try:
-            return f"answer to {_say(parse_answer(packet), model)}"
-        except ValueError:
-            pass
-        obeyed = without_surplus(packet)
-        if obeyed is packet:
-            return problem
-        surplus = show_bytes(packet.data[len(obeyed.data) :])
-        return f"{_say(parse_request(obeyed), model)}, and {surplus} more than it has, which servos ignore"
+        return listening.explain(packet, model)
 
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
-        """Only reads are answered; of those to all, SERVO_ID_READ alone (manual 3)."""
-        try:
-            command = parse_request(packet if _is_answer(packet) else without_surplus(packet)).command
-        except ValueError:
-            return None
-        everybody = packet.id == BROADCAST
-        if not command.reply or (everybody and command is not Command.SERVO_ID_READ):
-            return ()
-        return (ReplyPattern(None if everybody else packet.id, int(command), (length_of(command.reply),)),)
+        return listening.replies_to(packet)
 
     def _mode(self, target: ServoRef) -> Procedure[int]:
         (mode,) = yield from self.read(target, [target.model.register("mode")])
@@ -337,14 +292,6 @@ class Lewansoul(Family):
             return bytearray(length_of(command.params))
         old = yield from _parameters(target.id, _pair(next(iter(group))).read)
         return bytearray(old)
-
-
-def _is_answer(packet: Packet) -> bool:
-    try:
-        parse_answer(packet)
-    except ValueError:
-        return False
-    return True
 
 
 LEWANSOUL = Lewansoul()
@@ -399,21 +346,3 @@ def _by_command(values: Mapping[Register[Any], int]) -> list[tuple[Command, dict
                 what = f"{register.model} {register.name}"
                 raise BadValue(f"{what} cannot be written alone: {command.name} would repeat the last move")
     return sorted(groups.items(), key=lambda item: item[0] is Command.SERVO_ID_WRITE)
-
-
-def _say(message: Request | Answer, model: type[Model] | None) -> str:
-    """Name the command and its values: as registers of the model, or as the protocol names its parameters."""
-    command = message.command
-    fields = command.params if isinstance(message, Request) else command.reply
-    rows = {
-        row.place.at: row
-        for row in (model.registers.values() if model else ())
-        if isinstance(row.place, Pair) and command in (row.place.write, row.place.read)
-    }
-    said = [
-        show_value(rows[at], value) if at in rows else f"{name} {value}"
-        for (name, _, at), value in zip(places_of(fields), message.values, strict=True)
-        if name != "null"
-    ]
-    head = f"{command.name} {addressed(message.id)}"
-    return f"{head}: {', '.join(said)}" if rows and said else ", ".join([head, *said])

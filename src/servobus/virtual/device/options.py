@@ -93,7 +93,7 @@ class Times:
 
     @property
     def words(self) -> str:
-        return "a time such as 6ms, a span such as 5ms-7ms, off" + ", on" * (self.usual is not None)
+        return "a time such as 6ms or 0.5s, a span such as 5ms-7ms, off" + ", on" * (self.usual is not None)
 
     def read(self, value: Any) -> Span:
         if isinstance(value, str):
@@ -110,7 +110,7 @@ class Times:
         if word == "on" and self.usual:
             return self.usual
         low, _, high = word.partition("-")
-        return self.read((parse(low, "s"), parse(high or low, "s")))
+        return self.read((_seconds(low), _seconds(high or low)))
 
     def show(self, value: Span) -> str:
         if value == NO_TIME:
@@ -125,13 +125,22 @@ class Limit:
     words = "a time such as 500ms, never"
 
     def read(self, value: Any) -> float:
-        time = math.inf if value == "never" else parse(value, "s") if isinstance(value, str) else float(value)
+        time = math.inf if value == "never" else _seconds(value) if isinstance(value, str) else float(value)
         if not time > 0:
             raise ValueError(f"{value!r} is no time above 0")
         return time
 
     def show(self, value: float) -> str:
         return "never" if value == math.inf else show(value, "s").replace(" ", "")
+
+
+def _seconds(text: str) -> float:
+    """Read a time that was typed. Raises ValueError for one without its unit: 5 could be seconds or milliseconds."""
+    time = parse(text, "s")
+    number = text.strip()
+    if time and not number[-1].isalpha():
+        raise ValueError(f"{number} has no unit; write {number}ms or {number}s")
+    return time
 
 
 class HasOptions(Protocol):

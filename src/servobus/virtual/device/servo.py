@@ -22,7 +22,7 @@ from servobus.core.units import show
 from servobus.errors import BadValue, UnknownName, UsageError
 from servobus.families.model import Model
 from servobus.virtual.device.memory import Memory
-from servobus.virtual.device.motors import motor
+from servobus.virtual.device.motors import motor, supply
 from servobus.virtual.device.options import NO_TIME, Option, Reading, Span, Times, defaults, read_options
 from servobus.virtual.device.references import resolve
 from servobus.virtual.physics.motor import no_load_speed
@@ -48,7 +48,10 @@ class VirtualServo(ABC):
     baud             its speed now, bit/s
     garbage_timeout  longest pause inside a packet, s
     deaf_until       time before which it hears nothing, because it restarts
+    awaits_turn      whether its answer waits for the answers of others, which `overhear` is told of
     """
+
+    awaits_turn = False
 
     answer_time = Option(
         Times(), practice=NO_TIME, manual=NO_TIME,
@@ -86,10 +89,10 @@ class VirtualServo(ABC):
         """Take a servo out of its box, give it an id, and switch it on.
 
         id           None leaves the factory id
-        voltage      supply in V; by default the nominal voltage, or the middle of what the model allows
+        voltage      supply in V; by default the nominal voltage, the middle of what the model allows, or its sibling's
         temperature  of the case, degC
         position     of the shaft, rad; `home` by default
-        motor_set    name of a set of motor data, see `Model.motors`; the first by default
+        motor_set    name of a set of motor data, see `servobus.virtual.device.motors`; `manual` by default
         reading      "practice" or "manual": what its options are at first, see servobus.virtual.device.options
         options      options with other values: name -> value, or the word for it
         memory       what registers of its EEPROM hold: name -> raw value. It need not be one that a host could write:
@@ -105,11 +108,10 @@ class VirtualServo(ABC):
         if id is not None:
             self.memory.store(model.register("id"), check_id(id))
         self.memory.hold(memory or {})
-        supply = model.sheet.supply if voltage is None else voltage
-        if supply is None:
-            raise UsageError(f"the supply of a {model.title} is not known; give a virtual one its voltage, in V")
         start = self.home if position is None else position
-        self.shaft = Shaft(motor(model, motor_set), start, self.tick, Rail(supply))
+        self.shaft = Shaft(
+            motor(model, motor_set), start, self.tick, Rail(supply(model)[0] if voltage is None else voltage)
+        )
         self.temperature = temperature
         self.deaf_until = -math.inf
         self.powered = False
@@ -137,6 +139,10 @@ class VirtualServo(ABC):
     @abstractmethod
     def hear(self, event: Packet | Corrupt, now: float) -> Replies:
         """Act on a packet to this servo's id, or to all, whose last bit came now; give the replies."""
+
+    def overhear(self, packet: Packet, now: float) -> Replies:  # noqa: ARG002 - most servos answer alone
+        """Take note of another servo's answer, whose last bit came now; give what this servo sends after it."""
+        return []
 
     def garbage(self, now: float) -> None:  # noqa: B027 - most firmware just forgets
         """Take note that an incomplete packet was dropped after a pause."""
@@ -209,13 +215,17 @@ class VirtualServo(ABC):
     def answer(self, event: Packet | Corrupt, now: float) -> Replies:
         """Act on a packet as `hear` does, in the time that this servo takes for it."""
         written = self.memory.bytes_stored
-        replies = self.hear(event, now)
-        if self.answer_time != NO_TIME:
-            replies = [(delay + self._throw(self.answer_time), data) for delay, data in replies]
+        replies = self.in_its_time(self.hear(event, now))
         if self.memory.bytes_stored != written and self.eeprom_pause != NO_TIME:
             pause = sum(self._throw(self.eeprom_pause) for _ in range(self.memory.bytes_stored - written))
             self.deaf_until = max(self.deaf_until, self._sent_at(replies, now) + pause)
         return replies
+
+    def in_its_time(self, replies: Replies) -> Replies:
+        """Have replies begin as much later as `answer_time` says."""
+        if self.answer_time == NO_TIME:
+            return replies
+        return [(delay + self._throw(self.answer_time), data) for delay, data in replies]
 
     def _sent_at(self, replies: Replies, now: float) -> float:
         """Give the time at which these replies will have been sent."""

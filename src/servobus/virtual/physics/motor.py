@@ -362,21 +362,3 @@ def shaft_torque(params: MotorParams, current: float, speed: float = 0.0) -> flo
         return copysign(max(0.0, abs(motor) * (1 - params.gear_loss) - params.coulomb), motor)
     sense = copysign(1.0, speed)
     return motor - sense * (params.gear_loss * abs(motor) + params.coulomb) - params.viscous * speed
-
-
-def motor_like(voltage: float, stall_torque: float, speed: float) -> MotorParams:
-    """Make up a motor from one line of a data sheet (V, N·m, rad/s), where nothing else is known.
-
-    Assumptions: 2 % of the stall torque is friction, the bare shaft runs up in 10 ms, and the gear is part of the
-    torque constant.
-    """
-    friction = 0.02
-    constant = voltage / ((1 + friction) * speed)
-    resistance = constant * voltage / ((1 + friction) * stall_torque)
-    return MotorParams(
-        gear_ratio=1,
-        torque_constant=constant,
-        resistance=resistance,
-        coulomb=friction * stall_torque,
-        inertia=0.010 * constant**2 / resistance,
-    )

@@ -78,7 +78,7 @@ class Setup:
     voltage      supply, V
     temperature  of the cases, degC
     state        file that keeps the EEPROM contents
-    motor        name of a set of motor data, see `Model.motors`; the first of the model by default
+    motor        name of a set of motor data, see `servobus.virtual.device.motors`; `manual` by default
     supply_resistance
                  ohm between the supply and all servos of a line, which then share it; None: it is not felt
     load         what hangs on every shaft at the start
@@ -188,7 +188,7 @@ def parse_specs(text: str) -> Servos:
         option, equals, value = part.partition("=")
         name, at, ids = part.rpartition("@")
         if at and not equals:
-            servos.append(Group(registry.model(name), []))
+            servos.append(Group(registry.simulated(name), []))
         if not servos:
             raise UsageError(f"{text!r} names no servos; write MODEL@IDS, such as {EXAMPLE}")
         last = servos[-1]

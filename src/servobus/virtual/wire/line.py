@@ -258,6 +258,8 @@ class VirtualLine:
         packet = event.packet if isinstance(event, Corrupt) else event
         size = self.family.framing.overhead + len(packet.data)
         if packet.end - size < group.servo_bytes_end:
+            if isinstance(event, Packet):
+                self._overhear(group, event, time)
             return
         begin = time - size * BITS / group.baud
         for servo in group.called(packet.id):
@@ -268,6 +270,14 @@ class VirtualLine:
             for delay, data in servo.answer(event, time):
                 self._reply(servo, baud, time + delay, data)
             self._place(servo)
+
+    def _overhear(self, group: "_Group", packet: Packet, time: float) -> None:
+        """Tell servos of a reply that wait for their turn to answer the same request."""
+        for servo in list(group.ids):
+            if servo.awaits_turn and servo.powered and servo.id != packet.id:
+                servo.advance(time)
+                for delay, data in servo.in_its_time(servo.overhear(packet, time)):
+                    self._reply(servo, self._speed(servo), time + delay, data)
 
     def _reply(self, servo: VirtualServo, baud: float, time: float, data: bytes) -> None:
         wave = Transmission(max(time, self._busy.get(servo, time)), baud, data, servo)

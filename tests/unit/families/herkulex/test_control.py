@@ -111,7 +111,7 @@ def test_fractions_are_cut() -> None:
 
 
 def test_speedometer() -> None:
-    meter = Speedometer(TICK, 100)
+    meter = Speedometer(16, 100)
     assert meter.steady
     seen = []
     for count in [*range(102, 142, 2), *[140] * 17]:

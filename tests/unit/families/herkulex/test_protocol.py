@@ -8,7 +8,7 @@ from servobus.core.framing import Corrupt, Decoder, Noise, Packet
 from servobus.core.replies import ReplyCollector
 from servobus.errors import BadValue, Refused
 from servobus.families.herkulex import protocol as herkulex
-from servobus.families.herkulex.models.drs0602 import DRS0602
+from servobus.families.herkulex.models.magnetic import DRS0602
 from servobus.families.herkulex.protocol import (
     FRAMING,
     Ack,

@@ -12,7 +12,7 @@ from servobus.core.units import deg
 from servobus.errors import BadValue, BusError, NoReply, TorqueOff, UsageError
 from servobus.families.base import Answers, AxisMove, Identity, KnownServo, ServoRef
 from servobus.families.herkulex import protocol as herkulex
-from servobus.families.herkulex.models.drs0602 import DRS0602
+from servobus.families.herkulex.models.magnetic import DRS0602
 from servobus.families.herkulex.protocol import (
     EEP_TIME,
     FRAMING,

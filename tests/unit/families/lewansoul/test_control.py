@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 import pytest
 
 from servobus.families.lewansoul.control import GAINS, STEPS, UNIT, Gains, hold, set_point, stands
-from servobus.families.lewansoul.motors import LX16A
+from servobus.families.lewansoul.motors import LX16A as SET
 from servobus.virtual.physics.motor import Load
 from servobus.virtual.physics.shaft import Rail, Shaft
 
+MOTOR = SET.params
 TICK = 0.002
 
 
@@ -32,7 +33,7 @@ def move(
     goal: float, time: float, seconds: float, load: Load | None = None, volts: float = 7.4, gains: Gains = GAINS
 ) -> Track:
     """Move a shaft from position 500 to a goal (units) in a time (0: at once), and watch for some seconds."""
-    shaft = Shaft(LX16A, 500 * UNIT, TICK, Rail(volts))
+    shaft = Shaft(MOTOR, 500 * UNIT, TICK, Rail(volts))
     shaft.load = load or Load()
     target = goal * UNIT
     speed = abs(target - shaft.position) / time if time else math.inf
@@ -137,7 +138,7 @@ def test_a_bare_shaft_hardly_overshoots() -> None:
 
 
 def test_with_seven_times_its_inertia_it_is_still_stable() -> None:
-    track = move(1000, 0, 4.0, Load(inertia=6 * LX16A.inertia))
+    track = move(1000, 0, 4.0, Load(inertia=6 * MOTOR.inertia))
     assert track.settled(1000) < 2.0
     assert track.standing
 

@@ -11,7 +11,7 @@ from servobus.core.registers import Register
 from servobus.core.replies import ReplyCollector
 from servobus.errors import BadValue, NoReply, UsageError
 from servobus.families.base import Answers, AxisMove, KnownServo, ServoRef
-from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.families.lewansoul.models.lx import LX16A
 from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import (
     Answer,

@@ -2,7 +2,7 @@ import pytest
 
 from servobus.core.units import deg
 from servobus.errors import BadValue, UnknownName, UsageError
-from servobus.families.dynamixel.firmware import Dynamixel1Servo
+from servobus.families.dynamixel.firmware import ComplianceServo
 from servobus.families.registry import LX16A, RX28
 from servobus.virtual.device.servo import VirtualServo, virtual_servo
 
@@ -17,7 +17,7 @@ def moving(position: float = 0.0) -> VirtualServo:
 
 def test_the_model_decides_the_firmware() -> None:
     servo = virtual_servo(RX28, 7, voltage=12.5, temperature=40.0, position=1.0)
-    assert type(servo) is Dynamixel1Servo
+    assert type(servo) is ComplianceServo
     assert (servo.id, servo.voltage, servo.temperature, servo.position) == (7, 12.5, 40.0, 1.0)
     assert (servo.powered, servo.torque, servo.model) == (True, False, RX28)
 
@@ -64,10 +64,10 @@ def test_two_models_of_one_family_can_have_firmware_of_their_own() -> None:
         firmware = f"{__name__}:Slow"
 
     assert type(virtual_servo(Strange, 1)) is Slow
-    assert type(virtual_servo(RX28, 1)) is Dynamixel1Servo
+    assert type(virtual_servo(RX28, 1)) is ComplianceServo
 
 
-class Slow(Dynamixel1Servo):
+class Slow(ComplianceServo):
     tick = 0.01
 
 

@@ -125,7 +125,7 @@ def test_bus() -> None:
 
 def test_motor_and_load() -> None:
     port = connect("virtual:rx28@1-2?clock=virtual&motor=measured&load=mass:0.2+length:0.1")
-    assert [servo.shaft.motor for servo in port.servos] == [RX28_MEASURED] * 2
+    assert [servo.shaft.motor for servo in port.servos] == [RX28_MEASURED.params] * 2
     assert [servo.shaft.load for servo in port.servos] == [Load(mass=0.2, length=0.1)] * 2
     with pytest.raises(UnknownName, match="manual"):
         connect("virtual:lx16a@1?motor=measured")

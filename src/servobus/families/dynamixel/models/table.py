@@ -4,26 +4,38 @@ Sources: RX-28 user's manual, section 3-4; the control tables of AX-12A, AX-18A,
 MX-106 and DX-113 to DX-117 in the ROBOTIS e-manual have these rows at the same addresses, with the same sizes.
 """
 
+from typing import ClassVar
+
 from servobus.core.registers import U8, U16, Access, Area, Int, Motion, Register
 from servobus.core.units import RAW, Count, Flags, Quantity, Switch
 from servobus.families.dynamixel.places import Address
-from servobus.families.dynamixel.protocol import BAUD, Error
+from servobus.families.dynamixel.protocol import BAUD, DriveMode, Error
 from servobus.families.dynamixel.verbs import DYNAMIXEL1
 from servobus.families.model import VOLTAGE_LIMITS, LimitPair, Model
 
 EEPROM, READ = Area.EEPROM, Access.READ
 U10 = Int(2, bits=10)
 """A value of 0 .. 1023: the upper six bits of its two bytes are 0 (RX-28 manual 3-4)."""
+U12 = Int(2, bits=12)
+"""A value of 0 .. 4095."""
 SIGNED = Int(2, sign_bit=10)
 """Magnitude in bits 0 to 9, direction in bit 10."""
+
+
+DRIVE_MODE = Register(
+    Address(10), U8, Flags(DriveMode), "direction of goals and positions; part in a dual joint",
+    default=0, limits=(0, 3), area=EEPROM, motion=Motion.ZERO, note="ED-47",
+)  # fmt: skip
+"""The row of EX-106+ and MX-106."""
 
 
 class DynamixelTable(Model):
     """Rows of all models. Angles and speeds have another unit from model to model: 300/1023°, 360/4096°, 251/4095°."""
 
     family = DYNAMIXEL1
+    motors = "servobus.families.dynamixel.motors:MOTORS"
     # Table in RX-28 manual 3-4-1, plus the codes in use elsewhere in the field; most likely first.
-    bauds = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
+    bauds: ClassVar[tuple[int, ...]] = (57_600, 1_000_000, 115_200, 500_000, 200_000, 250_000, 400_000, 19_200, 9_600)
 
     share = Quantity("1", 1 / 1023)
     limit_pairs = (LimitPair("min_position", "max_position", equal=(0,)), VOLTAGE_LIMITS)  # 3-4-3: endless turn
@@ -33,7 +45,7 @@ class DynamixelTable(Model):
 
     model_number = Register(Address(0), U16, Count(), "model number", access=READ, area=EEPROM)
     firmware_version = Register(Address(2), U8, Count(), "firmware version", access=READ, area=EEPROM)
-    id = Register(Address(3), U8, Count(), "bus id", default=1, limits=(0, 253), area=EEPROM)
+    id = Register(Address(3), U8, Count(), "bus id", default=1, limits=(0, 253), area=EEPROM, note="ED-39")
     baud_rate = Register(Address(4), U8, BAUD, "bus speed, 2000000 / (code + 1)", limits=(0, 254), area=EEPROM)
     return_delay_time = Register(
         Address(5), U8, Quantity("s", 2e-6), "delay before a status packet", default=250, limits=(0, 254), area=EEPROM
@@ -47,8 +59,9 @@ class DynamixelTable(Model):
         access=READ, area=EEPROM, motion=Motion.LIMIT,
     )  # fmt: skip
     highest_limit_temperature = Register(
-        Address(11), U8, celsius, "temperature above which overheating is reported", limits=(10, 99), area=EEPROM
-    )
+        Address(11), U8, celsius, "temperature above which overheating is reported", limits=(0, 100), area=EEPROM,
+        note="ED-46",
+    )  # fmt: skip
     lowest_limit_voltage = Register(
         Address(12), U8, volts, "supply below which a voltage error is reported", limits=(50, 250), area=EEPROM
     )

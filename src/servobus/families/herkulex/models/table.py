@@ -21,7 +21,7 @@ from servobus.families.herkulex.protocol import (
 from servobus.families.herkulex.verbs import HERKULEX
 from servobus.families.model import Model
 
-READ = Access.READ
+READ, RESERVED = Access.READ, Access.RESERVED
 POSITION = Int(2, flags=0x8000)
 """A position of 15 bits. Bit 15 is a flag of the servo's own; the maker's PC tool masks it off with 0x7FFF."""
 GAIN = (0, 32767)
@@ -35,6 +35,8 @@ class HerkulexTable(Model):
     """
 
     family = HERKULEX
+    factory_baud = 115_200
+    motors = "servobus.families.herkulex.motors:MOTORS"
     bauds = tuple(BAUD.codes.values())
     max_move_time = LONGEST_PLAYTIME * TICK
     brakes = True
@@ -43,17 +45,21 @@ class HerkulexTable(Model):
     share = Quantity("1", 1 / 1023)
     percent = Quantity("1", 0.01)
     steps = Count("position unit")
-    errors = Flags(StatusError)
+    errors, errors_but_driver = Flags(StatusError), Flags(StatusError, unused=StatusError.DRIVER_FAULT)
     eighths, sixteenths = Quantity("", 1 / 8), Quantity("", 1 / 16384)
 
     model_no1 = Register(Eep(0), U8, Count(), "model number, upper two digits", access=READ)
     model_no2 = Register(Eep(1), U8, Count(), "model number, lower two digits", access=READ)
-    version1 = Register(Eep(2), U8, Count(), "firmware version, high part", access=READ)
-    version2 = Register(Eep(3), U8, Count(), "firmware version, low part", access=READ)
+    version1 = Register(Eep(2), U8, Count(), "firmware version, high part", default=0x00, access=READ)
+    version2 = Register(
+        Eep(3), U8, Count(), "firmware version, low part", default=0x90, access=READ,
+        note="EH-41: its access is not printed; read-only like version1",
+    )  # fmt: skip
     baud_rate = Register(
         Eep(4), U8, BAUD, "bus speed; acts after a restart", default=0x10, limits=(0x01, 0x22),
         allowed=(0x01, 0x02, 0x03, 0x04, 0x07, 0x09, 0x10, 0x22),
     )  # fmt: skip
+    reserved_6 = Register(Eep(5), U8, Count(), "reserved, NO 6", access=RESERVED)
     id = Register(
         EepRam(6, 0), U8, Count(), "bus id", limits=(0, 253),
         volatile=True,  # it is no setting that a restart would tell
@@ -67,25 +73,38 @@ class HerkulexTable(Model):
         EepRam(9, 3), U8, errors, "errors that switch the torque off", limits=(0, 0x7F),
         note="EH-24: also called Servo Policy",
     )  # fmt: skip
+    reserved_11 = Register(EepRam(10, 4), U8, Count(), "reserved, NO 11", access=RESERVED)
     max_temperature = Register(EepRam(11, 5), U8, RAW, "temperature above which an error is reported", access=READ)
     min_voltage = Register(EepRam(12, 6), U8, RAW, "supply below which an error is reported", access=READ)
     max_voltage = Register(EepRam(13, 7), U8, RAW, "supply above which an error is reported", access=READ)
     acceleration_ratio = Register(
-        EepRam(14, 8), U8, percent, "share of a move spent speeding up, and as much slowing down", limits=(0, 50)
+        EepRam(14, 8),
+        U8,
+        percent,
+        "share of a move spent speeding up, and as much slowing down",
+        default=25,
+        limits=(0, 50),
     )
     max_acceleration_time = Register(
-        EepRam(15, 9), U8, ticks, "longest time spent speeding up; 0 is a rectangular profile", limits=PERIOD
+        EepRam(15, 9),
+        U8,
+        ticks,
+        "longest time spent speeding up; 0 is a rectangular profile",
+        default=45,
+        limits=PERIOD,
     )
-    dead_zone = Register(EepRam(16, 10), U8, steps, "position error without output", limits=(0, 254))
+    dead_zone = Register(EepRam(16, 10), U8, steps, "position error without output", default=0, limits=(0, 254))
     saturator_offset = Register(
-        EepRam(17, 11), U8, share, "output allowed by the saturator at the goal", limits=(0, 254)
+        EepRam(17, 11), U8, share, "output allowed by the saturator at the goal", default=0, limits=(0, 254)
     )
     saturator_slope = Register(
         EepRam(18, 12), U16, Quantity("pwm per position unit", 1 / 256),
-        "output allowed more with each step from the goal; 0 is no saturator", limits=(0, 32767),
+        "output allowed more with each step from the goal; 0 is no saturator", default=0, limits=(0, 32767),
     )  # fmt: skip
-    pwm_offset = Register(EepRam(20, 14), S8, share, "output added in position control", motion=Motion.OUTPUT)
-    min_pwm = Register(EepRam(21, 15), U8, share, "lowest output", limits=(0, 254), motion=Motion.OUTPUT)
+    pwm_offset = Register(
+        EepRam(20, 14), S8, share, "output added in position control", default=0, motion=Motion.OUTPUT
+    )
+    min_pwm = Register(EepRam(21, 15), U8, share, "lowest output", default=0, limits=(0, 254), motion=Motion.OUTPUT)
     max_pwm = Register(EepRam(22, 16), U16, share, "highest output", default=1023, limits=(0, 1023))
     overload_pwm_threshold = Register(
         EepRam(24, 18), U16, share, "output above which it counts as overload; full output is never above 1023",
@@ -95,16 +114,26 @@ class HerkulexTable(Model):
     max_position = Register(EepRam(28, 22), U16, RAW, "highest goal", access=READ, motion=Motion.LIMIT)
     position_kp = Register(EepRam(30, 24), U16, eighths, "position control, P gain", limits=GAIN)
     position_kd = Register(EepRam(32, 26), U16, eighths, "position control, D gain", limits=GAIN)
-    position_ki = Register(EepRam(34, 28), U16, sixteenths, "position control, I gain", limits=GAIN)
+    position_ki = Register(EepRam(34, 28), U16, sixteenths, "position control, I gain", default=0, limits=GAIN)
     position_feedforward_1st_gain = Register(
-        EepRam(36, 30), U16, Count(), "feed forward of the profile's speed; no scale is given", limits=GAIN
+        EepRam(36, 30), U16, Count(), "feed forward of the profile's speed; no scale is given", default=0, limits=GAIN
     )
     position_feedforward_2nd_gain = Register(
-        EepRam(38, 32), U16, Count(), "feed forward of the profile's acceleration; no scale is given", limits=GAIN
+        EepRam(38, 32),
+        U16,
+        Count(),
+        "feed forward of the profile's acceleration; no scale is given",
+        default=0,
+        limits=GAIN,
     )
     led_blink_period = Register(EepRam(44, 38), U8, ticks, "period of the alarm light", default=45, limits=PERIOD)
     adc_fault_check_period = Register(
-        EepRam(45, 39), U8, ticks, "time a wrong voltage or temperature must last to be an error", limits=PERIOD
+        EepRam(45, 39),
+        U8,
+        ticks,
+        "time a wrong voltage or temperature must last to be an error",
+        default=45,
+        limits=PERIOD,
     )
     packet_garbage_check_period = Register(
         EepRam(46, 40), U8, ticks, "age at which an unfinished packet is dropped", default=18, limits=PERIOD
@@ -121,6 +150,7 @@ class HerkulexTable(Model):
     inposition_margin = Register(
         EepRam(50, 44), U8, steps, "distance to the goal that counts as arrived", limits=(0, 254)
     )
+    reserved_40 = Register(EepRam(51, 45), U8, Count(), "reserved, NO 40", access=RESERVED)
     status_error = Register(
         Ram(48), U8, errors, "errors; each stays until it is written 0", default=0, limits=(0, 0x7F),
         volatile=True, latched=True,
@@ -130,6 +160,7 @@ class HerkulexTable(Model):
         default=0, limits=(0, 0x7F), volatile=True, latched=True,
         live=StatusDetail.MOVING | StatusDetail.INPOSITION | StatusDetail.TORQUE_ON,
     )  # fmt: skip
+    reserved_46 = Register(Ram(51), U8, Count(), "reserved, NO 46", default=0, access=RESERVED)
     torque_control = Register(
         Ram(52), U8, Choice(TorqueControl), "free, brake or on", default=0, limits=(0, 0x60), allowed=(0, 0x40, 0x60),
         note="EH-15: a JOG moves nothing while braked",
@@ -184,7 +215,6 @@ class UnknownHerkulex(HerkulexTable):
     title = "HerkuleX servo, model unknown"
     generic = True
     number = None
-    factory_baud = 115_200
 
     @classmethod
     def key(cls) -> str:

@@ -11,20 +11,60 @@ from servobus.core.units import Choice, Count, Flags, Quantity, Switch, deg, ms
 from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import BAUD, FULL_OUTPUT, Alarm, Command, Mode
 from servobus.families.lewansoul.verbs import LEWANSOUL
-from servobus.families.model import Model
+from servobus.families.model import Confidence, Model, Performance, SpecSheet
 
 EEPROM, READ = Area.EEPROM, Access.READ
+
+KGF_CM = 0.0980665
+"""One kgf·cm in N·m."""
+THREE_CELLS = "Its range of supply is that of three lithium cells, 11.1 V nominal: assumption."
+
+
+def at(
+    volts: float, kgf_cm: float, per_60_degrees: float | None = None, *, stall_current: float | None = None
+) -> Performance:
+    """Make a line of a data sheet from the units of product pages: kgf·cm, and s for 60°."""
+    return Performance(volts, kgf_cm * KGF_CM, per_60_degrees and 60 * deg / per_60_degrees, stall_current)
+
+
+def lx_sheet(
+    *performance: Performance,
+    voltage: tuple[float, float] | None = None,
+    weight: float | None = None,
+    size: tuple[float, float, float] | None = None,
+    confidence: Confidence = Confidence.HIGH,
+    doubts: tuple[str, ...] = (),
+) -> SpecSheet:
+    """Make the sheet of a model: what they have in common, 240° in 1000 steps (EL-30), is filled in.
+
+    The nominal voltage is that of two or three lithium cells, by the range of the supply.
+    """
+    return SpecSheet(
+        maker="Hiwonder (LewanSoul)",
+        performance=performance,
+        voltage=voltage,
+        nominal_voltage=voltage and (7.4 if voltage[1] < 9 else 11.1),
+        angle=240 * deg,
+        resolution=0.24 * deg,
+        weight=weight,
+        size=size,
+        link="one data wire, half duplex, 8N1, 115200 bit/s",
+        confidence=confidence,
+        doubts=doubts,
+    )
 
 
 class LxTable(Model):
     """Rows of all models."""
 
     family = LEWANSOUL
+    motors = "servobus.families.lewansoul.motors:MOTORS"
     number = None
     factory_baud = BAUD
     bauds = (BAUD,)
     max_move_time = 30.0
     turn_scale = Quantity("1", 1 / FULL_OUTPUT)
+    firmware = "servobus.families.lewansoul.firmware:LewansoulServo"
 
     angle = Quantity("rad", 0.24 * deg)
     time = Quantity("s", ms)
@@ -126,7 +166,18 @@ class LxTable(Model):
     calibration = angle_offset
 
 
-class UnknownLx(LxTable):
+class HighVoltage(LxTable):
+    """Rows of the models for three lithium cells."""
+
+    min_voltage = LxTable.min_voltage.with_(
+        default=4500, limits=(4500, 14000), note="EL-29: as an HTD-45H reports; of the others an assumption"
+    )
+    max_voltage = LxTable.max_voltage.with_(
+        default=14000, limits=(4500, 14000), note="EL-29: as an HTD-45H reports; of the others an assumption"
+    )
+
+
+class UnknownLx(HighVoltage):
     """An LX or HTS servo: none of them can say of which model it is. All that the protocol gives works."""
 
     title = "LX/HTS bus servo, model unknown"

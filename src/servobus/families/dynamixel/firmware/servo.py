@@ -1,27 +1,22 @@
-"""The firmware of servos with Dynamixel protocol 1.0, as the RX-28 manual describes it.
+"""What the firmware of all servos with Dynamixel protocol 1.0 does: packets, control table, alarms, life.
+
+How the shaft gets to the goal is another matter from series to series, see `compliance` and `pid`.
 
 Section numbers are those of the RX-28 user's manual, ED entries those of docs/decisions.md, D numbers
 those of docs/behaviours.md.
 """
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any, ClassVar, Protocol
 
 from servobus.core.framing import Corrupt, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.registers import Register
 from servobus.families.base import Answers, blocks
-from servobus.families.dynamixel.control import (
-    EMANUAL_LEVELS,
-    LEVELS,
-    OVERLOAD_TIME,
-    Approach,
-    arrived,
-    endless,
-    strained,
-    width,
-)
+from servobus.families.dynamixel.control import OVERLOAD_TIME, strained
 from servobus.families.dynamixel.places import TABLE, Address
 from servobus.families.dynamixel.protocol import (
     CLOCK,
@@ -29,6 +24,7 @@ from servobus.families.dynamixel.protocol import (
     Action,
     BulkRead,
     Code,
+    DriveMode,
     Error,
     Ping,
     ReadData,
@@ -43,7 +39,6 @@ from servobus.families.dynamixel.verbs import open_while_locked
 from servobus.virtual.device.options import ON_OFF, Limit, OneOf, Option, Span
 from servobus.virtual.device.servo import BITS, Replies, VirtualServo
 
-TURN = 2 * math.pi
 OK = Error(0)
 
 _parse = lru_cache(maxsize=16)(parse_instruction)
@@ -63,27 +58,33 @@ STILL = 0.050
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What the registers ask of the control loop, in the units of servobus.families.dynamixel.control."""
+    """What the registers ask of the control loop, whatever its law; units are those of the registers."""
 
     torque: bool
     endless: bool
     goal: int
     step: float  # of the set point, position units per tick; infinite without speed control
-    share: float  # Moving Speed in endless turn
-    limit: float
-    punch: float
-    cw: tuple[int, int]  # margin and slope on the clockwise side of the goal
-    ccw: tuple[int, int]
+    limit: float  # of the output, 0 .. 1
     voltages: tuple[int, int]
     hottest: int
 
 
 SETTINGS = (
     "cw_angle_limit", "ccw_angle_limit", "highest_limit_temperature", "lowest_limit_voltage", "highest_limit_voltage",
-    "torque_enable", "cw_compliance_margin", "ccw_compliance_margin", "cw_compliance_slope", "ccw_compliance_slope",
-    "goal_position", "moving_speed", "torque_limit", "punch",
+    "torque_enable", "goal_position", "moving_speed", "torque_limit",
 )  # fmt: skip
 """Registers of which `Settings` are made."""
+
+
+class Law(Protocol):
+    """What drives the shaft while the torque is on: a position in, an output out, once a tick."""
+
+    def output(self, position: float) -> float:
+        """Give the share of the supply voltage, -1 .. 1, for a shaft at a position in rad."""
+
+    @property
+    def settled(self) -> bool:
+        """Whether the output stays if the shaft does."""
 
 
 class Dynamixel1Servo(VirtualServo):
@@ -129,14 +130,6 @@ class Dynamixel1Servo(VirtualServo):
         OneOf(("answered", "silent")), practice="answered", manual="answered", decision="ED-20",
         text="whether an instruction other than PING with a wrong checksum is answered with the checksum error",
     )  # fmt: skip
-    slope_levels = Option(
-        OneOf(("manual", "online")), practice="manual", manual="manual", decision="ED-13",
-        text="what Compliance Slope acts as: by the table of the manual, or by that of the online manual",
-    )  # fmt: skip
-    compliance_sides = Option(
-        OneOf(("named", "swapped")), practice="named", manual="named", decision="ED-17",
-        text="on which side of the goal the clockwise margin and slope act: as they are named, or on the other one",
-    )  # fmt: skip
     overload_time = Option(
         Limit(), practice=OVERLOAD_TIME, manual=OVERLOAD_TIME, decision="ED-37",
         text="how long a load is too much before it is an overload",
@@ -151,12 +144,19 @@ class Dynamixel1Servo(VirtualServo):
     garbage_timeout = 0.1
     """Longest pause between two bytes of a packet (appendix, Byte to Byte Time)."""
 
+    law_registers: ClassVar[tuple[str, ...]] = ()
+    """Registers that the law of control asks, beside `SETTINGS`, where the model has them."""
+    law_options: ClassVar[tuple[str, ...]] = ()
+    """Options that the law of control asks."""
+
     _kept: tuple[int, bytes] | None = None
     """The write that waits for ACTION: address and bytes."""
     _followed: int | None = None
     """Position that the goal followed last; None while the torque is on."""
     _flicker_until = -math.inf
     _now: Settings
+    _law: Law | None = None
+    """What drives the shaft; None without torque."""
     _made_of: tuple[object, ...] = ()
     """The registers, and options, of which `_now` was made."""
 
@@ -170,26 +170,28 @@ class Dynamixel1Servo(VirtualServo):
             row for row in self._rows_by_address.values() if row.name.startswith("reserved") and row.writable
         ]
         self._open = open_while_locked(self.model)
-        rows = [self.row(name) for name in SETTINGS]
+        names = (*SETTINGS, *(name for name in self.law_registers if name in self.model.registers))
+        rows = [self.row(name) for name in names]
         spans = blocks(((_address(row), row.layout.size) for row in rows), gap=0, longest=len(self.memory.space(TABLE)))
         self._sources = [slice(start, start + size) for start, size in spans]
         """Bytes of the control table of which the settings are made."""
-        self._last: int = self.row("goal_position").limits[1]
-        """The largest position."""
         self._fastest: int = self.row("moving_speed").limits[1]
+        self._wheel = any(0 in pair.equal for pair in self.model.limit_pairs if pair.low == "min_position")
         self._kept = self._followed = None
         self._flicker_until = -math.inf
         self._units: float = 1 / self.row("present_position").decode(1)
         """Position units per rad."""
         self._per_volt: float = 1 / self.row("present_voltage").decode(1)
-        self._whole = TURN * self._units
-        self._approach = Approach(self._measure)
-        self._drives = self._moving = self._overloaded = False
+        self._last: int = self.row("max_position").limits[1]
+        """The largest position within a turn."""
+        self._law = None
+        self._moving = self._overloaded = False
         self._strained = self._stood = 0
         """Looks for which the load was too much; for which the shaft stood."""
         self._stands_at = math.nan
         self._until_look = self._period = max(1, round(LOOK / self.tick))
         self._made_of = ()
+        self.set_up()
         self.put("firmware_version", self.firmware_version)
         self.put("torque_limit", self.get("max_torque"))  # 3-4-1 Max Torque
         self._listen()
@@ -225,8 +227,7 @@ class Dynamixel1Servo(VirtualServo):
         if packet.code == Code.SYNC_WRITE and packet.id != BROADCAST:
             return []  # D-50
         # The reply obeys the settings that the instruction found: old id, old level, old delay (ED-04, D-25).
-        id, answered = self.id, self._answers(packet)
-        delay: float = self.row("return_delay_time").decode(self.get("return_delay_time"))
+        id, answered, delay = self.id, self._answers(packet), self.return_delay
         if isinstance(event, Corrupt):
             answered = answered and packet.code != Code.PING and self.bad_checksum == "answered"  # 3-5-5, ED-20
             error, data = Error.CHECKSUM, b""
@@ -237,6 +238,12 @@ class Dynamixel1Servo(VirtualServo):
         if packet.id == BROADCAST:
             delay += self._turn(id, delay)
         return [(delay, FRAMING.frame(Packet(id, error | self.alarms, data)))] if answered else []
+
+    @property
+    def return_delay(self) -> float:
+        """S that an answer waits, as Return Delay Time says."""
+        delay: float = self.row("return_delay_time").decode(self.get("return_delay_time"))
+        return delay
 
     def _turn(self, id: int, delay: float) -> float:
         """Give the time that an answer to a broadcast PING waits for those of lower ids (ED-19)."""
@@ -325,8 +332,8 @@ class Dynamixel1Servo(VirtualServo):
         if error == Error.ANGLE_LIMIT and self.goal_outside == "limited":
             row, image = self.row("goal_position"), bytearray(data)
             at = _address(row) - address
-            goal = int.from_bytes(data[at : at + row.layout.size], "little")
-            goal = max(self.get("cw_angle_limit"), min(goal, self.get("ccw_angle_limit")))
+            low, high = self.goals
+            goal = max(low, min(row.layout.unpack(data[at : at + row.layout.size]), high))
             image[at : at + row.layout.size] = row.layout.pack(goal)
             return error, bytes(image)
         return error, None if error else data
@@ -345,14 +352,12 @@ class Dynamixel1Servo(VirtualServo):
         return error
 
     def _range_error(self, row: Register[int], data: bytes) -> Error:
-        raw = int.from_bytes(data, "little")
-        if row.layout.sign_bit is not None:
-            # Moving Speed has a direction bit in endless turn only (ED-14).
-            direction = 1 << row.layout.sign_bit if self.endless else 0
-            return OK if raw & ~direction <= row.limits[1] else Error.RANGE
+        raw = row.layout.unpack(data)
         if not row.accepts(raw):
             return Error.RANGE
-        low, high = self.get("cw_angle_limit"), self.get("ccw_angle_limit")
+        if row.name == "moving_speed" and data[1] >> 2 and not self.endless:
+            return Error.RANGE  # a direction bit counts in endless turn only (ED-14)
+        low, high = self.goals
         if row.name == "goal_position" and not low <= raw <= high:
             return OK if self.endless and self.turn_goal == "kept" else Error.ANGLE_LIMIT  # ED-23, ED-34
         return OK
@@ -390,6 +395,12 @@ class Dynamixel1Servo(VirtualServo):
         self.put("present_voltage", self._volts)
         self.put("present_temperature", self._celsius)
         self.put("moving", int(self._moving))
+
+    def put_within(self, name: str, value: float) -> None:
+        """Set a register that is measured, at the end of its range where the value lies beyond."""
+        row = self.row(name)
+        low, high = row.layout.range
+        self.put(name, min(max(row.scale.encode(value), low), high))
 
     # Alarms
 
@@ -431,9 +442,9 @@ class Dynamixel1Servo(VirtualServo):
         shaft, now = self.shaft, self._settings()
         while ticks > 0:
             count = min(ticks, self._until_look)
-            if self._drives and not shaft.at_rest:
-                count = shaft.run(count, self._approach.output)
-            elif not (self._hold_on(now) and shaft.at_rest):
+            if self._law is not None and not shaft.at_rest:
+                count = shaft.run(count, self._law.output)
+            elif not (self._hold_on() and shaft.at_rest):
                 shaft.tick()
                 count = 1
             else:
@@ -447,17 +458,13 @@ class Dynamixel1Servo(VirtualServo):
                 self._until_look = self._period - -self._until_look % self._period
                 now = self._look(now, self.started + (self._ticks - ticks) * self.tick)
 
-    def _hold_on(self, now: Settings) -> bool:
+    def _hold_on(self) -> bool:
         """Drive for the next tick; tell whether the output stays if the shaft does."""
-        shaft = self.shaft
-        if self._drives:
-            shaft.drive(self._approach.output(shaft.position))
-            return self._approach.settled
-        if now.torque:
-            shaft.drive(endless(now.share, now.limit))
-        else:
-            shaft.release()
-        return True
+        if self._law is None:
+            self.shaft.release()
+            return True
+        self.shaft.drive(self._law.output(self.shaft.position))
+        return self._law.settled
 
     def _look(self, now: Settings, time: float) -> Settings:
         """Look after the slow things at a time; give the settings after that."""
@@ -476,11 +483,10 @@ class Dynamixel1Servo(VirtualServo):
 
     def _judge(self, now: Settings) -> None:
         """Find out whether the goal has been reached."""
-        if not self._drives:
+        if self._law is None or now.endless:
             self._moving = False
-        elif self._moving and self._approach.settled:
-            error, standing = now.goal - self.present, self._stood * LOOK >= STILL
-            self._moving = not arrived(error, *(now.cw if error > 0 else now.ccw), self.shaft.velocity, standing)
+        elif self._moving and self._law.settled:
+            self._moving = not self._arrived(now, standing=self._stood * LOOK >= STILL)
 
     def _idle(self, now: Settings) -> bool:
         """Tell whether no alarm can come up as long as nothing touches the servo."""
@@ -492,37 +498,25 @@ class Dynamixel1Servo(VirtualServo):
     def _settings(self) -> Settings:
         """Give what the registers say now."""
         table = self.memory.space(TABLE)
-        made_of = *(table[part] for part in self._sources), self.slope_levels, self.compliance_sides
+        made_of = *(table[part] for part in self._sources), *(getattr(self, name) for name in self.law_options)
         if made_of != self._made_of:
             self._made_of, self._now = made_of, self._read_settings()
-            now = self._now
-            self._approach.tune(now.goal, now.step, now.cw, now.ccw, now.punch, now.limit)
-            drove, self._drives = self._drives, self._now.torque and not self._now.endless
-            if self._drives and not drove:
-                self._approach.set_point = self.present
+            self._law = self._law_of(self._now) if self._now.torque else None
         return self._now
 
-    def _read_settings(self) -> Settings:
+    def _common(self) -> dict[str, Any]:
+        """Give the part of the settings that every law needs."""
         speed = self.get("moving_speed")
         moved: float = self.row("moving_speed").decode(abs(speed)) * self._units * self.tick
-        levels = LEVELS if self.slope_levels == "manual" else EMANUAL_LEVELS
-        sides = [
-            (self.get(f"{side}_compliance_margin"), width(self.get(f"{side}_compliance_slope"), levels))
-            for side in (("ccw", "cw") if self.compliance_sides == "swapped" else ("cw", "ccw"))
-        ]
-        return Settings(
-            torque=self.torque,
-            endless=self.endless,
-            goal=self.get("goal_position"),
-            step=moved if speed else math.inf,  # 3-4-2: 0 is no speed control
-            share=max(-1.0, min(self.model.turn_scale.decode(speed), 1.0)),
-            limit=self._share("torque_limit"),
-            punch=self._share("punch"),
-            cw=sides[0],
-            ccw=sides[1],
-            voltages=(self.get("lowest_limit_voltage"), self.get("highest_limit_voltage")),
-            hottest=self.get("highest_limit_temperature"),
-        )
+        return {
+            "torque": self.torque and not self._drive_mode & DriveMode.SLAVE,
+            "endless": self.endless,
+            "goal": self._meant(self.get("goal_position")),
+            "step": moved if speed else math.inf,  # 3-4-2: 0 is no speed control
+            "limit": self._share("torque_limit"),
+            "voltages": (self.get("lowest_limit_voltage"), self.get("highest_limit_voltage")),
+            "hottest": self.get("highest_limit_temperature"),
+        }
 
     def _share(self, name: str) -> float:
         """Give what a register says of the full output, 0 .. 1: its highest value is all of it, without rounding."""
@@ -536,7 +530,16 @@ class Dynamixel1Servo(VirtualServo):
     @property
     def endless(self) -> bool:
         """Whether both angle limits are 0 (3-4-3)."""
-        return self.get("cw_angle_limit") == 0 and self.get("ccw_angle_limit") == 0
+        return self._wheel and self.get("cw_angle_limit") == 0 and self.get("ccw_angle_limit") == 0
+
+    @property
+    def goals(self) -> tuple[int, int]:
+        """The lowest and the highest goal."""
+        return self.get("cw_angle_limit"), self.get("ccw_angle_limit")
+
+    @property
+    def _drive_mode(self) -> int:
+        return self.get("drive_mode") if "drive_mode" in self.model.registers else 0
 
     @property
     def output(self) -> float:
@@ -545,20 +548,42 @@ class Dynamixel1Servo(VirtualServo):
 
     @property
     def present(self) -> int:
-        """Position as measured, and all that the control loop knows of it, in its unit.
+        """Position as the control table tells it."""
+        return self._told(self._measure(self.shaft.position))
 
-        What the sensor does not cover of a turn (60° in an RX-28) reads as the nearer end; a goal at that end counts
-        as reached (D-63).
-        """
-        return self._measure(self.shaft.position)
+    # What differs from series to series
 
+    @abstractmethod
+    def set_up(self) -> None:
+        """Make what the law of control needs, at power-on, before any register is asked."""
+
+    @abstractmethod
     def _measure(self, position: float) -> int:
-        units = position * self._units
-        if not 0 <= units < self._last:
-            units %= self._whole
-            if units > self._last:
-                return self._last if units < (self._last + self._whole) / 2 else 0
-        return int(units + 0.5)
+        """Give what the sensor tells of a shaft at a position in rad: all that the law of control knows of it."""
+
+    def _told(self, measured: int) -> int:
+        """Give the position in the control table for what the sensor tells."""
+        return self._turned(measured)
+
+    def _meant(self, goal: int) -> int:
+        """Give what the sensor tells at a goal of the control table."""
+        return self._turned(goal)
+
+    def _turned(self, position: int) -> int:
+        """Turn a position round where the drive mode says so; endless turn knows no such direction."""
+        return self._last - position if self._drive_mode & DriveMode.REVERSE and not self.endless else position
+
+    @abstractmethod
+    def _read_settings(self) -> Settings:
+        """Read from the registers what the law needs."""
+
+    @abstractmethod
+    def _law_of(self, now: Settings) -> Law:
+        """Give the law that these settings ask for, tuned by them. The torque is on; the old law is in `_law`."""
+
+    @abstractmethod
+    def _arrived(self, now: Settings, *, standing: bool) -> bool:
+        """Tell whether a shaft, whose set point is at the goal, has reached it, or stands as near as it gets."""
 
     def _follow_shaft(self, *, keep_goal: bool = False) -> None:
         if self.torque:

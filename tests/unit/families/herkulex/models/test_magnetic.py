@@ -6,7 +6,7 @@ from servobus.core.registers import Access, Area
 from servobus.core.units import deg
 from servobus.errors import BadValue
 from servobus.families.base import Answers
-from servobus.families.herkulex.models.drs0602 import DRS0602
+from servobus.families.herkulex.models.magnetic import DRS0602
 from servobus.families.herkulex.places import Eep, EepRam, Ram
 from servobus.families.herkulex.protocol import Led, StatusError, TorqueControl
 

@@ -8,7 +8,7 @@ import pytest
 from servobus.core.registers import Access, Area, Register
 from servobus.core.units import deg
 from servobus.errors import BadValue, UnknownName
-from servobus.families.lewansoul.models.lx16a import LX16A
+from servobus.families.lewansoul.models.lx import LX16A
 from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import Alarm, Command, Mode
 

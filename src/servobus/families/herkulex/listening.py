@@ -1,11 +1,16 @@
-"""HerkuleX packets in words. Packets and their sources: servobus.families.herkulex.protocol."""
+"""HerkuleX for those who listen: what a packet says, whom it concerns, which replies it asks for.
 
+Packets and their sources: servobus.families.herkulex.protocol.
+"""
+
+from servobus.core.exchange import ReplyPattern
 from servobus.core.framing import Packet
+from servobus.core.ids import BROADCAST
 from servobus.core.units import Quantity, show
-from servobus.families.base import Model
 from servobus.families.explain import addressed, servo, show_bytes, show_span, show_values
 from servobus.families.herkulex.places import EEP, RAM
 from servobus.families.herkulex.protocol import (
+    ACK,
     TICK,
     Ack,
     Code,
@@ -19,11 +24,60 @@ from servobus.families.herkulex.protocol import (
     Request,
     Rollback,
     SJog,
+    Stat,
+    parse_ack,
+    parse_request,
     show_flags,
 )
+from servobus.families.model import Model
 
 
-def say_request(message: Request, packet: Packet, model: type[Model] | None) -> str:
+def explain(packet: Packet, model: type[Model] | None) -> str:
+    try:
+        if packet.code & ACK:
+            return _say_ack(parse_ack(packet), model)
+        return _say_request(parse_request(packet), packet, model)
+    except ValueError as error:
+        return f"{error}, {addressed(packet.id)}"
+
+
+def concerns(packet: Packet) -> tuple[int, ...]:
+    try:
+        message = parse_request(packet)
+    except ValueError:
+        return (packet.id,)
+    return tuple(jog.id for jog in message.jogs) if isinstance(message, IJog | SJog) else (packet.id,)
+
+
+def told_number(packet: Packet) -> int | None:
+    """The model number is at EEP 0 and 1 of all models, its upper two digits first (4-2 NO 1, 2)."""
+    try:
+        ack = parse_ack(packet)
+    except ValueError:
+        return None
+    whole = ack.code is Code.EEP_READ and len(ack.data) >= 4 and len(ack.data) == ack.data[1] + 2
+    return ack.data[2] << 8 | ack.data[3] if whole and not ack.data[0] else None
+
+
+def replies_to(packet: Packet) -> tuple[ReplyPattern, ...] | None:
+    """STAT is answered under every ACK Policy and by all, the rest never if it is for all (4-2 NO 8)."""
+    if packet.code & ACK:
+        return None
+    try:
+        message = parse_request(packet)
+    except ValueError:
+        message = None
+    everybody, code = packet.id == BROADCAST, packet.code | ACK
+    if isinstance(message, Stat):
+        return (ReplyPattern(None if everybody else packet.id, code, (2,)),)
+    if everybody:
+        return ()
+    if isinstance(message, EepRead | RamRead):
+        return (ReplyPattern(packet.id, code, (message.length + 4, 2)),)
+    return (ReplyPattern(packet.id, code, (2,), certain=False),)
+
+
+def _say_request(message: Request, packet: Packet, model: type[Model] | None) -> str:
     code = Code(packet.code)
     head = f"{code.name} {addressed(message.id)}"
     match message:
@@ -71,7 +125,7 @@ def _say_jog(jog: Jog, *details: str, model: type[Model] | None) -> str:
     return f"{servo(jog.id)} {does} ({', '.join(notes)})"
 
 
-def say_ack(ack: Ack, model: type[Model] | None) -> str:
+def _say_ack(ack: Ack, model: type[Model] | None) -> str:
     said = []
     if ack.code in (Code.EEP_READ, Code.RAM_READ) and len(ack.data) > 2 and len(ack.data) == ack.data[1] + 2:
         said.append(show_values(model, _map(ack.code), ack.data[0], ack.data[2:]))
