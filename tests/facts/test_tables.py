@@ -48,7 +48,37 @@ def number(text: str) -> int | None:
     return int(text) if text else None
 
 
-DECIDED: dict[tuple[str, str, str], str] = {}
+DECIDED: dict[tuple[str, str, str], str] = {
+    ("*", "lowest_limit_voltage", "max"): "ED-40",
+    ("*", "highest_limit_voltage", "max"): "ED-40",
+    ("*", "cw_compliance_margin", "max"): "ED-45",
+    ("*", "ccw_compliance_margin", "max"): "ED-45",
+    ("*", "goal_position", "min"): "ED-48",
+    ("*", "goal_position", "max"): "ED-48",
+    ("*", "min_voltage", "default"): "EL-29",
+    ("*", "min_voltage", "max"): "EL-29",
+    ("*", "max_voltage", "default"): "EL-29",
+    ("*", "max_voltage", "max"): "EL-29",
+    ("ax12w", "highest_limit_temperature", "max"): "ED-46",
+    ("rx28", "highest_limit_temperature", "min"): "ED-46",
+    ("rx28", "highest_limit_temperature", "max"): "ED-46",
+    ("rx28", "highest_limit_voltage", "default"): "ED-12",
+    ("rx28", "cw_compliance_margin", "default"): "ED-45",
+    ("rx28", "ccw_compliance_margin", "default"): "ED-45",
+    ("rx28", "cw_compliance_slope", "min"): "ED-45",
+    ("rx28", "ccw_compliance_slope", "min"): "ED-45",
+    ("rx28", "registered_instruction", "access"): "ED-16",
+    ("rx28", "sheet", "voltage"): "ED-12",
+    ("rx28", "sheet", "nominal"): "ED-12",
+    ("rx28", "18.5 V", "voltage"): "ED-12",
+    ("drs0101", "overload_pwm_threshold", "default"): "EH-50",
+    ("drs0201", "overload_pwm_threshold", "default"): "EH-50",
+    ("drs0401", "overload_pwm_threshold", "max"): "EH-50",
+    ("drs0601", "overload_pwm_threshold", "max"): "EH-50",
+    ("lx16a", "6 V", "speed"): "EL-27",
+    ("lx16a", "6.6 V", "voltage"): "EL-27",
+    ("lx16a", "7.4 V", "torque"): "EL-27",
+}
 """Model ("*" for all), register and column in which the table differs from its facts -> the decision that says why."""
 
 
@@ -80,13 +110,22 @@ class Differences:
         self.expect("step", (row.unit, row.scale.step) if not same else "as told", "as told")
 
 
+def turns_endlessly(row: Register[Any]) -> bool:
+    """Tell whether the model of a row turns without end, for which a speed has a direction."""
+    return row.owner is not None and issubclass(row.owner, Model) and row.owner.turns
+
+
 def common(found: Differences, row: Register[Any], fact: Row) -> None:
     """Compare what the tables of all families have."""
     found.expect("size", row.layout.size, int(fact["size"]))
     found.expect("access", row.writable, fact["access"] == "RW")
     if fact["default"]:
         found.expect("default", row.default, int(fact["default"]))
-    if row.writable and fact["min"]:
+    if row.writable and fact["min"] and row.layout.sign_bit is not None:
+        magnitude = (1 << row.layout.sign_bit) - 1  # sources count the sign bit, or leave it out
+        lowest = -magnitude if turns_endlessly(row) else 0
+        found.expect("max", row.limits, (lowest, int(fact["max"]) & magnitude))
+    elif row.writable and fact["min"]:
         found.expect("min", row.limits[0], int(fact["min"]))
         found.expect("max", row.limits[1], int(fact["max"]))
     found.expect_step(row, fact)
@@ -105,16 +144,20 @@ def dynamixel(model: type[Model], fact: Row) -> list[str]:
 
 
 def herkulex(model: type[Model], fact: Row) -> list[str]:
-    row, found = model.register(fact["register"]), Differences(model.key(), fact["register"])
+    found = Differences(model.key(), fact["register"])
+    place = number(fact["eep"]), number(fact["ram"])
+    if fact["access"] == "-":
+        reserved = {tuple(row.place.within(space) for space in (EEP, RAM)): row for row in model.registers.values()}
+        row = reserved.get(place)
+        found.expect("access", row and row.access, Access.RESERVED)
+        return found.found
+    row = model.register(fact["register"])
     found.expect("eep", row.place.within(EEP), number(fact["eep"]))
     found.expect("ram", row.place.within(RAM), number(fact["ram"]))
     if fact["values"]:
         found.expect("values", sorted(row.allowed or ()), sorted(map(int, fact["values"].split())))
-    if fact["access"] != "-":
-        found.expect("signed", row.layout.signed, fact["signed"] == "yes")
-        common(found, row, fact)
-    else:
-        found.expect("access", row.access, Access.RESERVED)
+    found.expect("signed", row.layout.signed, fact["signed"] == "yes")
+    common(found, row, fact)
     return found.found
 
 
