@@ -1,5 +1,6 @@
 """Several servos that are read by one request: what goes wrong with one reply costs that servo alone (F1 to F11)."""
 
+from contextlib import suppress
 from itertools import chain, combinations
 from typing import Any
 
@@ -152,7 +153,8 @@ def test_an_adapter_that_stands_still_gives_no_old_value(stall: str, driver: str
         rig = GroupRig(FIRST, driver)
         rig.inject(f"stall#{n}:{stall}")
         for read in (rig.run_cycle, rig.run_cycle, rig.read_all):
-            read()
+            with suppress(BusError):  # none of them answered in time
+                read()
             rig.truth = {id: rig.turn(id) for id in IDS}
         rig.port.sleep(0.5)
         rig.run_cycle()
@@ -209,7 +211,7 @@ def test_two_servos_with_one_id_cost_that_id(twice: int, driver: str) -> None:
         _, lost = rig.read_all()
         assert lost.keys() <= {twice}
     rig.reals[-1].turn_shaft(rig.model.register(POSITION).decode(rig.truth[twice] ^ 0x155))
-    rig.reals[-1].answer_delay = 0.0
+    rig.reals[-1].memory[rig.model.register("return_delay_time")] = 0
     _, lost = rig.read_all()
     assert lost.keys() <= {twice}
     assert all(isinstance(error, Garbled | BadChecksum | DuplicateId) for error in lost.values())
