@@ -443,6 +443,18 @@ def can_be_silenced(model: type[Model]) -> bool:
     return has(model, "answer_level")
 
 
+def limits_turn(model: type[Model]) -> bool:
+    """Tell whether a model turns without end because both its angle limits are 0 (RX-28 manual 3-4-3)."""
+    return model.family.name == "dynamixel" and model.turns
+
+
+def may_be_equal(model: type[Model], pair: tuple[str, str]) -> tuple[int, ...]:
+    """Give the raw values that both limits of a pair may have at once."""
+    if not limits_turn(model) or pair != ("min_position", "max_position"):
+        return ()
+    return (0, 4095) if has(model, "multi_turn_offset") else (0,)  # ROBOTIS e-manual, MX-28, CW/CCW Angle Limit
+
+
 def can_turn(model: type[Model]) -> bool:
     return model.turns
 
@@ -498,6 +510,13 @@ SAMPLE_KEYS = chosen(MODELS)
 ONE_OF_EACH_FAMILY = list({model.family.name: key for key, model in reversed(list(MODELS.items()))}.values())[::-1]
 """The key of the first model of each family."""
 
+series_models = pytest.mark.parametrize(
+    "key",
+    list({(model.family.name, model.series): key for key, model in reversed(list(MODELS.items()))}.values())[::-1]
+    if extent.everything
+    else ONE_OF_EACH_FAMILY,
+)
+"""For hundreds of cases of each model: the first model of each series with `--all`, else of each family."""
 every_model = pytest.mark.parametrize("key", MODELS)
 """For what takes a few milliseconds: it is run with every model, always."""
 sample_models = pytest.mark.parametrize("key", SAMPLE_KEYS)

@@ -291,23 +291,31 @@ class Servo(Closed):
 
     @bus_method
     @urgent(Priority.MOTION)
-    def turn(self, *, speed: float | None = None, output: float | None = None) -> Procedure[None]:
-        """Turn without end. `speed` in rad/s (HerkuleX) or `output` as a share -1 .. 1 (RX-28, LX-16A).
+    def turn(
+        self, *, speed: float | None = None, output: float | None = None, current: float | None = None
+    ) -> Procedure[None]:
+        """Turn without end: `speed` in rad/s, `output` as a share -1 .. 1, or `current` in A, whichever it controls.
 
-        The torque must be on already. Raises TorqueOff, BadValue or UsageError before anything moves.
+        HerkuleX and Dynamixel MX control the speed, LX, AX, RX and EX servos the output, the DX series does not turn
+        without end. MX-64 and MX-106 control the current too, and push with it against whatever holds the shaft. The
+        torque must be on already. Raises TorqueOff, BadValue or UsageError before anything moves.
         """
-        return endless_turn.turn(self.target, speed=speed, output=output)
+        return endless_turn.turn(self.target, speed=speed, output=output, current=current)
 
     @bus_method
     @urgent(Priority.MOTION)
-    def position_mode(self, limits: tuple[float, float] | None = None) -> Procedure[None]:
-        """Come back from `turn` and hold the present position: nothing moves.
+    def position_mode(self, limits: tuple[float, float] | None = None, *, multi_turn: bool = False) -> Procedure[None]:
+        """Come back from `turn`, or from several turns to one, and hold the present position: nothing moves.
 
-        An RX-28 turns without end because its angle limits are 0; `limits` (rad) are the ones to set again,
-        the full range by default. RX-28 and LX-16A, which endless turn at speed 0 does not hold, are without torque for
-        a moment. Raises OutsideLimits, before anything is written, if the servo would run to one of these limits.
+        Dynamixel servos turn without end because their angle limits are 0; `limits` (rad) are the ones to set again,
+        the full range by default. With `multi_turn` the goals of an MX servo lie up to seven turns either way from now
+        on. Its angles are counted from multi_turn_offset then, in units that resolution_divider makes larger: with a
+        divider of 2, what reads as 90° are 180° of the shaft. Without `multi_turn` it goes back to one turn.
+
+        Dynamixel and LX servos, which endless turn at speed 0 does not hold, are without torque for a moment. Raises
+        OutsideLimits, before anything is written, if the servo would run to one of these limits.
         """
-        return endless_turn.position_mode(self.target, limits)
+        return endless_turn.position_mode(self.target, limits, multi_turn=multi_turn)
 
     @bus_method
     def led(self, colour: str) -> Procedure[None]:

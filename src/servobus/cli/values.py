@@ -123,6 +123,7 @@ ANGLE = UnitType("angle", "rad")
 SECONDS = UnitType("seconds", "s")
 SPEED = UnitType("deg/s", "rad/s")
 SHARE = UnitType("percent", "1")
+CURRENT = UnitType("ampere", "A")
 
 
 def split_assignment(text: str, kind: str) -> tuple[str, str]:

@@ -378,6 +378,7 @@ _SHOWN: dict[str, tuple[str, float, int]] = {
     "V": (" V", 1.0, 1),
     "degC": (" °C", 1.0, 0),
     "1": (" %", 0.01, 1),
+    "A": (" A", 1.0, 4),
 }
 _WORDS: dict[str, dict[str, float]] = {
     "rad": {"": deg, "°": deg, "deg": deg, "rad": 1.0, "turn": 2 * math.pi},

@@ -21,6 +21,7 @@ from servobus.families.model import Model, Performance, SpecSheet
 from servobus.families.motion import (
     AxisMove,
     MotionStatus,
+    Reach,
     TorqueState,
     check_hold,
     check_inside,
@@ -44,6 +45,7 @@ __all__ = [
     "Model",
     "MotionStatus",
     "Performance",
+    "Reach",
     "Reading",
     "ServoRef",
     "SpecSheet",
@@ -100,11 +102,10 @@ class Family(ABC):
     torque_rows: ClassVar[tuple[str, ...]] = ("torque_enable",)
     """Names of the registers that decide whether it is driven; see `torque_state`."""
     mode_rows: ClassVar[tuple[str, ...]] = ()
-    """Names of the registers that tell, beside the limits, whether it turns without end; see `is_turning`."""
+    """Names of the registers that tell, beside the limits, whether it turns without end, where a model has them; see
+    `is_turning`."""
     holds_outside_limits: ClassVar[bool] = False
     """Whether a servo whose torque comes on outside its limits holds where it is, and does not run to them."""
-    limits_turn: ClassVar[bool] = False
-    """Whether limits that are both 0 are endless turn."""
 
     def check_model(self, model: type[Model]) -> None:  # noqa: B027 - most families ask no more of a table
         """Raise TypeError for a table that the verbs of this family cannot use, when its class is made."""
@@ -118,6 +119,10 @@ class Family(ABC):
     @abstractmethod
     def identify(self, id: int) -> Procedure[Identity]:
         """Ask a servo who it is. Raises NoReply if none answers."""
+
+    def number_text(self, number: int | None) -> str:
+        """Write a model number as people know it."""
+        return str(number)
 
     @abstractmethod
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
@@ -213,15 +218,28 @@ class Family(ABC):
 
     def motion_status(self, target: ServoRef) -> Procedure[MotionStatus]:
         """Read what a move must know."""
-        names = ("present_position", "min_position", "max_position", *self.mode_rows, *self.torque_rows)
-        raw = yield from self.read_values(target, names)
-        position: float = target.model.register("present_position").decode(raw["present_position"])
-        torque, turning = self.torque_state(raw), self.is_turning(raw)
-        return MotionStatus(position, torque.on, raw["min_position"], raw["max_position"], turning, torque.shutdown)
+        modes = (name for name in self.mode_rows if name in target.model.registers)
+        names = ("present_position", "min_position", "max_position", *modes, *self.torque_rows)
+        return self.status_of(target, (yield from self.read_values(target, names)))
 
-    def is_turning(self, values: Mapping[str, int]) -> bool:
-        """Tell whether a servo turns without end, from the raw values, by name, of its limits and the `mode_rows`."""
-        return self.limits_turn and values["min_position"] == values["max_position"] == 0
+    def status_of(self, target: ServoRef, raw: Mapping[str, int]) -> MotionStatus:
+        """Tell what a move must know from the raw values, by name, of position, limits, `mode_rows`, `torque_rows`."""
+        position: float = target.model.register("present_position").decode(raw["present_position"])
+        torque, reach = self.torque_state(raw), self.reach(target.model, raw["min_position"], raw["max_position"])
+        turning = reach.turning or self.is_turning(raw)
+        return MotionStatus(position, torque.on, reach.low, reach.high, turning, torque.shutdown)
+
+    def reach(self, model: type[Model], low: int, high: int) -> Reach:  # noqa: ARG002 - mostly they are what they say
+        """Tell what two raw position limits mean: which goals a servo takes, or that it turns without end."""
+        return Reach(low, high)
+
+    def multi_turn_limits(self, model: type[Model]) -> tuple[int, int] | None:  # noqa: ARG002 - most have none
+        """Give the raw position limits with which a servo counts its goals over several turns; None if none do."""
+        return None
+
+    def is_turning(self, values: Mapping[str, int]) -> bool:  # noqa: ARG002 - not every family has a mode for that
+        """Tell whether a mode makes a servo turn without end, from the raw values, by name, of the `mode_rows`."""
+        return False
 
     def read_torque(self, target: ServoRef) -> Procedure[TorqueState]:
         """Read whether the servo is driven."""
@@ -282,6 +300,11 @@ class Family(ABC):
         `speed` in rad/s where the servo controls its speed, `output` as a share -1 .. 1 of full output where
         it does not. Positive is the direction in which the position grows.
         """
+
+    def turn_by_current(self, target: KnownServo, current: float) -> Procedure[None]:  # noqa: ARG002
+        """Turn with a current in A, as long as nothing holds the shaft: torque control. The torque must be on."""
+        yield from ()  # a procedure without steps
+        raise cannot(target, "turn with a given current", "it does not control its current")
 
     @abstractmethod
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:

@@ -38,11 +38,24 @@ class MotionStatus:
     torque: bool
     low: int
     high: int
-    """Position limits set in the servo, raw goal units."""
+    """The lowest and the highest goal that its limits allow it, raw; see `Family.reach`."""
     turning: bool
-    """In wheel, motor or infinite turn mode, where a goal does not move it."""
+    """In wheel, motor, infinite turn or torque control mode, where a goal does not move it."""
     shutdown: str = ""
     """As in `TorqueState`."""
+    shaft: float = 1.0
+    """rad by which the shaft turns for 1 rad of its angles: more than 1 where the servo divides its resolution."""
+
+
+@frozen
+class Reach:
+    """What the two position limits of a servo mean."""
+
+    low: int
+    high: int
+    """The lowest and the highest goal that it takes, raw."""
+    turning: bool = False
+    """Whether it turns without end, so that no goal moves it."""
 
 
 @frozen
@@ -53,7 +66,7 @@ class AxisMove:
     goal: int
     """Raw goal position."""
     distance: float
-    """rad, never negative"""
+    """rad of the shaft, never negative"""
     duration: float
     """s, more than 0"""
 
@@ -72,6 +85,11 @@ def inside_limits(target: ServoRef, status: MotionStatus) -> bool:
 def nearest(target: ServoRef, status: MotionStatus) -> int:
     """Give the raw goal nearest to where the servo is: the very place, if it is within its limits."""
     return min(max(raw_position(target, status), status.low), status.high)
+
+
+def counts_turns(target: ServoRef, status: MotionStatus) -> bool:
+    """Tell whether a servo is in multi-turn mode: its goals lie further than its limits can say."""
+    return status.high > target.model.register("max_position").limits[1]
 
 
 def no_torque(target: ServoRef, shutdown: str) -> TorqueOff:
@@ -103,7 +121,7 @@ def show_limits(target: ServoRef, status: MotionStatus) -> str:
 
 
 def check_goal(target: KnownServo, status: MotionStatus, goal: int, *, step: bool = True) -> float:
-    """Give the way to a raw goal, rad. Raises UsageError or BadValue if the servo would not, or must not, go there.
+    """Give the way to a raw goal, rad of the shaft. Raises UsageError or BadValue if the servo must not go there.
 
     `step` is whether `max_step` is to be heeded: without it the position may be an old one.
     """
@@ -113,7 +131,7 @@ def check_goal(target: KnownServo, status: MotionStatus, goal: int, *, step: boo
     if not status.low <= goal <= status.high:
         shown = row.show(row.decode(goal))
         raise BadValue(f"{target}: {shown} is outside the limits set in it, {show_limits(target, status)}")
-    distance: float = abs(row.decode(goal) - status.position)
+    distance: float = abs(row.decode(goal) - status.position) * status.shaft
     if step:
         target.permit.check_step(str(target), distance)
     return distance
@@ -195,12 +213,20 @@ def movement(target: KnownServo, values: Mapping[Register[Any], int]) -> Procedu
 
 def _limits_after(target: ServoRef, status: MotionStatus, values: Mapping[Register[Any], int]) -> MotionStatus:
     """Give the state that the servo would be in with the limits among these values."""
-    low = values.get(target.model.register("min_position"), status.low)
-    high = values.get(target.model.register("max_position"), status.high)
-    if (low, high) == (status.low, status.high):
+    model = target.model
+    low, high = model.register("min_position"), model.register("max_position")
+    if low not in values and high not in values:
         return status
-    turning = low == high == 0 if target.model.family.limits_turn else status.turning
-    return replace(status, low=low, high=high, turning=turning)
+    old = status.low, status.high
+    if counts_turns(target, status):
+        old = model.family.multi_turn_limits(model) or old
+    new = values.get(low, old[0]), values.get(high, old[1])
+    if new == old:
+        return status
+    before, after = (model.family.reach(model, *limits) for limits in (old, new))
+    # A mode of its own makes it turn whatever the limits are.
+    turning = after.turning or (status.turning and not before.turning)
+    return replace(status, low=after.low, high=after.high, turning=turning)
 
 
 def _check_new_limits(target: ServoRef, status: MotionStatus, after: MotionStatus) -> Procedure[None]:
@@ -212,6 +238,11 @@ def _check_new_limits(target: ServoRef, status: MotionStatus, after: MotionStatu
             "turn() or `servobus turn` begins" if after.turning else "position_mode() or `servobus turn --end` ends"
         )
         raise UsageError(f"{target} has torque, and these limits would move it; {instead} endless turn")
+    if counts_turns(target, after) != counts_turns(target, status):
+        raise UsageError(
+            f"{target} has torque, and may move as its angles are counted otherwise with these limits; position_mode() "
+            f"or `servobus turn` changes between one turn and several, as does a write with the torque off"
+        )
     if not inside_limits(target, after):
         row = target.model.register("goal_position")
         raise UsageError(

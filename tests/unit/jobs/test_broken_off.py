@@ -4,7 +4,16 @@ from typing import Any
 
 import pytest
 
-from samples import can_change_baud, can_reset, can_turn, models_that, other_bauds, sample_models, turning
+from samples import (
+    can_change_baud,
+    can_reset,
+    can_turn,
+    limits_turn,
+    models_that,
+    other_bauds,
+    sample_models,
+    turning,
+)
 from servobus import MODELS, RX28, BusError, NoReply, PortLost, ServobusError, deg
 from unit.lossy import ASYNC, SYNC, Bench
 
@@ -139,7 +148,7 @@ def test_N23_a_reset_that_breaks_off_has_the_settings_in_its_error(key: str, dri
         bench.line.sleep(1.0)
         if failure is not None and bench.stored(hot.name) != 55:
             seen += 1
-            assert failure.before[hot.name] == 55.0
+            assert failure.before[hot.name] == hot.decode(55)
             assert failure.before["id"] == 5
             assert "it was id 5 at" in str(failure)
     assert seen
@@ -170,11 +179,9 @@ def test_N23_limits_whose_write_breaks_off_are_told(key: str, verb: str) -> None
             assert f"what was there before: {rows[0].name} = " in str(failure)
 
 
-@models_that(can_turn)
+@models_that(lambda model: can_turn(model) and not limits_turn(model))
 def test_N23_a_mode_that_loses_nothing_is_not_told_about(key: str) -> None:
     """HerkuleX and LX keep their limits in endless turn."""
-    if MODELS[key] is RX28:
-        return
     bench = Bench(key, SYNC)
     bench.do(lambda servo: servo.torque_on())
     before = bench.real.memory.stored()

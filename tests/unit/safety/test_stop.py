@@ -1,6 +1,7 @@
 """Stop always stops: `Servo.stop`, `Bus.stop`, `make_safe`, whatever state the servos and the line are in."""
 
 import asyncio
+import re
 from typing import Any
 
 import pytest
@@ -168,7 +169,9 @@ def test_M7_a_bus_stops_all_that_are_there_and_tells_of_the_others(key: str) -> 
         moving(bus[id])
     bus.attach(MODELS[key], 10)
     begun = bus.transport.now()
-    with pytest.raises(StopFailed, match=f"{MODELS[key].title} id 9 may still move.*id 10 may still move") as caught:
+    with pytest.raises(
+        StopFailed, match=f"{re.escape(MODELS[key].title)} id 9 may still move.*id 10 may still move"
+    ) as caught:
         bus.stop()
     assert bus.transport.now() - begun < 0.5
     assert all(isinstance(error, NoReply) for error in caught.value.failures.values())

@@ -26,7 +26,16 @@ from servobus.families.dynamixel.protocol import (
     write_data,
 )
 from servobus.families.model import Model
-from servobus.families.motion import AxisMove, MotionStatus, TorqueState, about_to_turn, check_inside, nearest
+from servobus.families.motion import (
+    AxisMove,
+    MotionStatus,
+    Reach,
+    TorqueState,
+    about_to_turn,
+    check_inside,
+    counts_turns,
+    nearest,
+)
 from servobus.families.reading import Reading, adjacent, blocks, place
 from servobus.families.refusal import cannot, check_output, mute, not_taken, stays_off
 from servobus.families.stopping import LIMP, TRIES, TURNS_NO_MORE, StopOutcome, let_go_outside, reachable
@@ -43,7 +52,7 @@ class Dynamixel1(Family):
     title = "Dynamixel protocol 1.0"
     framing = FRAMING
     torque_rows = ("torque_enable", "torque_limit")
-    limits_turn = True
+    mode_rows = ("torque_control_mode_enable", "resolution_divider")
     # Measured by a user on an AX-12: 6 ms, give or take 1, 9 at most. The manual says nothing of it.
     eeprom_time = 0.009
     needs = (
@@ -125,6 +134,30 @@ class Dynamixel1(Family):
                 f"{open_[0]} to {open_[-1]} (torque_enable to torque_limit) can; switch it off and on first"
             )
 
+    def status_of(self, target: ServoRef, raw: Mapping[str, int]) -> MotionStatus:
+        """In multi-turn mode a unit of goals and positions is as many steps of the sensor as resolution_divider says.
+
+        That speeds are those of the shaft all the same is an assumption.
+        """
+        status = super().status_of(target, raw)
+        return replace(status, shaft=float(raw["resolution_divider"])) if counts_turns(target, status) else status
+
+    def reach(self, model: type[Model], low: int, high: int) -> Reach:
+        """Both limits 0 are endless turn (3-4-3), which the DX series lacks; for those of multi-turn mode see ED-48."""
+        if low == high == 0 and model.turns:
+            return Reach(low, high, turning=True)
+        if (low, high) == self.multi_turn_limits(model):
+            return Reach(*model.register("goal_position").limits)
+        return Reach(low, high)
+
+    def multi_turn_limits(self, model: type[Model]) -> tuple[int, int] | None:
+        """Give the highest limit twice, where goals can lie beyond it: in the MX series."""
+        last = model.register("max_position").limits[1]
+        return (last, last) if model.register("goal_position").limits[1] > last else None
+
+    def is_turning(self, values: Mapping[str, int]) -> bool:
+        return values.get("torque_control_mode_enable", 0) != 0
+
     def torque_state(self, values: Mapping[str, Any]) -> TorqueState:
         """Look at Torque Limit too: a shutdown sets it to 0, and leaves Torque Enable on (3-4-1 Alarm Shutdown)."""
         if not values["torque_limit"]:
@@ -156,12 +189,13 @@ class Dynamixel1(Family):
         return bool(moving)
 
     def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
-        """In endless turn Moving Speed 0 ends the motion (3-4-3), else a goal where the shaft is."""
-        goal, speed = (target.model.register(name) for name in ("goal_position", "moving_speed"))
+        """In endless turn Moving Speed 0 ends the motion (3-4-3), in torque control Goal Torque 0; else a goal."""
+        goal = target.model.register("goal_position")
         for _ in range(TRIES):
             motion_status = yield from self.motion_status(target)
             if motion_status.turning:
-                row, raw, outcome = speed, 0, TURNS_NO_MORE if motion_status.torque else LIMP
+                row, raw = (yield from self._turned_by(target)), 0
+                outcome = TURNS_NO_MORE if motion_status.torque else LIMP
             elif not motion_status.torque:
                 return LIMP  # and a goal would switch it on
             elif (here := reachable(target, motion_status)) is None:
@@ -184,8 +218,10 @@ class Dynamixel1(Family):
 
     def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
         """A written goal may switch the torque on by itself: here it moves nothing."""
-        name, raw = ("moving_speed", 0) if motion_status.turning else ("goal_position", nearest(target, motion_status))
-        row = target.model.register(name)
+        if motion_status.turning:
+            row, raw = (yield from self._turned_by(target)), 0
+        else:
+            row, raw = target.model.register("goal_position"), nearest(target, motion_status)
         for _ in range(TRIES):
             if (yield from self._took(target, row, raw)):
                 return
@@ -220,50 +256,86 @@ class Dynamixel1(Family):
             raise stays_off(target, standing, f"{Flags(Error).show(Error(standing))}; {done}")
 
     def turn(self, target: KnownServo, *, speed: float | None, output: float | None) -> Procedure[None]:
-        """Wheel mode: both angle limits 0, Moving Speed is a share of full output (3-4-3)."""
-        if output is None or speed is not None:
-            raise cannot(
-                target,
-                "turn at a given speed",
-                "endless turn has no speed control (3-4-3); give output=-1..1",
-            )
+        """Wheel mode: both angle limits 0. Moving Speed is a share of full output (3-4-3), or a speed in the MX series.
+
+        Torque control ends before that: its current is 0 from then on, until the wheel turns.
+        """
         model = target.model
-        share = model.turn_scale.encode(check_output(output))
-        limits = {model.register("min_position"): 0, model.register("max_position"): 0}
+        speed_row = model.register("moving_speed")
+        raw = speed_row.check(_turn_value(target, speed, output))
         motion_status = yield from about_to_turn(target)
-        if not motion_status.turning:
+        if not self.reach(model, motion_status.low, motion_status.high).turning:
             # A speed left over from position mode would spin it as soon as the limits are 0.
             yield from self.borrow(target)
             yield from self._write_raw_speed(target, 1)
-            yield from set_registers(target, limits)
-        yield from self._write_raw_speed(target, share)
+            yield from set_registers(target, {model.register("min_position"): 0, model.register("max_position"): 0})
+        yield from self._end_torque_control(target)
+        yield from self._write_raw_speed(target, raw)
+
+    def turn_by_current(self, target: KnownServo, current: float) -> Procedure[None]:
+        """Torque control (ROBOTIS e-manual, MX-64 and MX-106, Torque Ctrl Mode Enable), begun with a current of 0."""
+        rows = target.model.registers
+        if "goal_torque" not in rows:
+            yield from super().turn_by_current(target, current)
+        goal, mode = rows["goal_torque"], rows["torque_control_mode_enable"]
+        raw = goal.encode(current)
+        yield from about_to_turn(target)
+        (controls,) = yield from self.read(target, [mode])
+        if not controls:
+            yield from set_registers(target, {goal: 0})
+            yield from set_registers(target, {mode: 1})
+        yield from set_registers(target, {goal: raw})
+
+    def _end_torque_control(self, target: KnownServo) -> Procedure[None]:
+        """End torque control where the model has it and is in it, with a current of 0 first."""
+        rows = target.model.registers
+        mode = rows.get("torque_control_mode_enable")
+        if mode is not None and (yield from self.read(target, [mode])) != [0]:
+            yield from set_registers(target, {rows["goal_torque"]: 0})
+            yield from set_registers(target, {mode: 0})
+
+    def _turned_by(self, target: ServoRef) -> Procedure[Register[Any]]:
+        """Give the register that turns a servo which turns without end: 0 in it ends that."""
+        rows = target.model.registers
+        mode = rows.get("torque_control_mode_enable")
+        if mode is not None and (yield from self.read(target, [mode])) != [0]:
+            return rows["goal_torque"]
+        return target.model.register("moving_speed")
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
         """Let go of the shaft, which endless turn without speed does not hold either, until limits and goal are set.
 
         So it makes no difference whether the servo keeps its old goal (D-78), or what it makes of a goal in endless
-        turn (D-77).
+        turn (D-77), nor that angles are counted otherwise in multi-turn mode.
         """
         model = target.model
         motion_status = yield from self.motion_status(target)
-        if not motion_status.turning and limits is None:
-            return
         low, high = model.register("min_position"), model.register("max_position")
-        if limits is None:
+        wheel = self.reach(model, motion_status.low, motion_status.high).turning
+        several = counts_turns(target, motion_status)
+        if limits is None and (wheel or several):
             limits = low.limits[0], high.limits[1]
-        wanted = {low: limits[0], high: limits[1]}
-        if not motion_status.turning:
+        if limits is None and not motion_status.turning:
+            return
+        # In torque control the limits are those from before.
+        wanted = {} if limits is None else {low: limits[0], high: limits[1]}
+        reach = self.reach(model, *(limits or (motion_status.low, motion_status.high)))
+        after = replace(motion_status, low=reach.low, high=reach.high, turning=False)
+        if not motion_status.turning and several == counts_turns(target, after):
             yield from self.write(target, wanted)
             return
-        after = replace(motion_status, low=limits[0], high=limits[1], turning=False)
         if motion_status.torque:
             check_inside(target, after, whose="that it would get")
-        target.record.check_wear(str(target), wanted)
-        yield from self.check_unlocked(target, list(wanted))
-        yield from self._write_raw_speed(target, 0)
+        if wanted:
+            target.record.check_wear(str(target), wanted)
+            yield from self.check_unlocked(target, list(wanted))
+        if wheel:  # else 0 is full speed to a goal
+            yield from self._write_raw_speed(target, 0)
         if motion_status.torque:
             yield from self.let_go(target)
-        yield from set_registers(target, wanted)
+        yield from self._end_torque_control(target)
+        if wanted:
+            yield from set_registers(target, wanted)
         if motion_status.torque:
             yield from self.torque(target, on=True)
         yield from self.give_back(target)
@@ -316,6 +388,20 @@ def open_while_locked(model: type[Model]) -> range:
 
 def _write(target: ServoRef, address: int, data: bytes, *, repeatable: bool) -> Exchange[None]:
     return write_data(target.id, address, data, answered=target.answers_writes, repeatable=repeatable)
+
+
+def _turn_value(target: ServoRef, speed: float | None, output: float | None) -> int:
+    """Give Moving Speed for endless turn, raw. Raises UsageError for what the model does not control."""
+    model = target.model
+    if model.turns_at_speed():
+        if speed is None or output is not None:
+            raise cannot(
+                target, "turn with a given output", "its endless turn controls the speed; give speed= in rad/s"
+            )
+        return model.register("moving_speed").encode(speed)
+    if output is None or speed is not None:
+        raise cannot(target, "turn at a given speed", "endless turn has no speed control (3-4-3); give output=-1..1")
+    return model.turn_scale.encode(check_output(output))
 
 
 def _goal_and_speed(axis: AxisMove) -> bytes:
