@@ -109,8 +109,7 @@ def _note_problems(troubles: list[ScanProblem], found: list[FoundServo]) -> None
 
 def _servo_text(bus: Bus, found: FoundServo) -> str:
     if found.model is None:
-        number = found.identity.number
-        return f"id {found.id} at {found.baud}: {found.family.title} model {number}, not known here"
+        return f"id {found.id} at {found.baud}: {found.family.title} model {found.number_text}, not known here"
     return str(bus.adopt(found))
 
 

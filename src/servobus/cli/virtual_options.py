@@ -56,7 +56,9 @@ def write_options(formatter: click.HelpFormatter) -> None:
         if rows := option_rows(model):
             titles.setdefault(tuple(rows), []).append(model.title)
     for options, names in titles.items():
-        with formatter.section(f"Options of {', '.join(names)}, such as {options[0][0]}"):
+        with formatter.section(f"Options of {names[0]}{' and others' * (len(names) > 1)}, such as {options[0][0]}"):
+            if len(names) > 1:
+                formatter.write_text(f"The same for {', '.join(names[1:])}.")
             formatter.write_dl(list(options), col_max=26)
 
 

@@ -143,7 +143,7 @@ def _list_servos(port: str, found: list[FoundServo]) -> Iterator[Finding]:
     yield Finding(Severity.OK, "servos", "; ".join(f"{title} {id_list(ids)}" for title, ids in kinds.items()))
     for one in found:
         if one.model is None:
-            what = f"id {one.id} is {one.family.title} model {one.identity.number}, not known here"
+            what = f"id {one.id} is {one.family.title} model {one.number_text}, not known here"
             yield Finding(Severity.WARN, "servos", what, "its registers cannot be read or written by name")
         elif one.identity.answers is Answers.NOTHING:
             row = one.model.register("answer_level").name

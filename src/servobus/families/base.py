@@ -130,6 +130,10 @@ class Family(ABC):
     def identify(self, id: int) -> Procedure[Identity]:
         """Ask a servo who it is. Raises NoReply if none answers."""
 
+    def number_text(self, number: int | None) -> str:
+        """Write a model number as people know it."""
+        return str(number)
+
     @abstractmethod
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
         """Give harmless questions, at least three, none of whose answers can be mistaken for another's.

@@ -226,7 +226,11 @@ def unknown(family: Family, number: int | None = None) -> type[Model] | None:
         return generic
     made = _numbered.get((family.name, number))
     if made is None or not issubclass(made, generic):
-        body = {"title": generic.title.replace("model unknown", f"model {number}"), "number": number, "generic": True}
+        body = {
+            "title": generic.title.replace("model unknown", f"model {family.number_text(number)}"),
+            "number": number,
+            "generic": True,
+        }
         made = _numbered[family.name, number] = type(f"{generic.__name__}{number}", (generic,), body)
     return made
 
@@ -284,7 +288,7 @@ def _one_slip(one: str, other: str) -> bool:
 
 
 add(RX28, DRS0602, LX16A, UnknownDynamixel, UnknownHerkulex, UnknownLx)
-add(AX12A, AX12W, AX18A, RX10, RX24F, RX64, EX106P, DX113, DX116, DX117, MX12W, MX28, MX64, MX106)
+add(AX12A, AX12W, AX18A, RX10, RX24F, RX64, EX106P, DX113, DX116, DX117, MX28, MX64, MX106, MX12W)
 add(DRS0101, DRS0201, DRS0401, DRS0402, DRS0601)
 add(LX15D, LX224, LX224HV, LX225, LX824, LX824HV, LX1501)
 add(HTS20H, HTS16L, HTS20L, HTS21H, HTS30HS, HTS35H, HTD35H, HTD45H, HX12H, HX06L, HX20L, HX35H)

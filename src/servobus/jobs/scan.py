@@ -29,6 +29,11 @@ class FoundServo:
     alarms: int = 0
     """Alarm bits that stood in its answer."""
 
+    @property
+    def number_text(self) -> str:
+        """The number of the model that it reports, as people know it."""
+        return self.family.number_text(self.identity.number)
+
 
 @frozen
 class ScanProblem:
@@ -67,7 +72,7 @@ class ModelConflict:
     found: FoundServo
 
     def __str__(self) -> str:
-        says = self.found.model.title if self.found.model else f"model {self.found.identity.number}"
+        says = self.found.model.title if self.found.model else f"model {self.found.number_text}"
         attached = self.attached.model.title
         return (
             f"id {self.found.id} at {self.found.baud} baud was attached as {attached} and says that it is {says}; "
@@ -297,6 +302,6 @@ def find(
 def unknown_model(found: FoundServo) -> BusError:
     """Say that a servo was found whose model is not known here."""
     return BusError(
-        f"id {found.id} at {found.baud} baud answers as {found.family.title} model {found.identity.number}, "
+        f"id {found.id} at {found.baud} baud answers as {found.family.title} model {found.number_text}, "
         "which is not known here; a model can be said to be meant, with `models=` or --model"
     )

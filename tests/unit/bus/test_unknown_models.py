@@ -15,7 +15,7 @@ from servobus.virtual.device.servo import VirtualServo
 NUMBERS: dict[str, tuple[type[Model], int, str]] = {
     # An XL430-W250 has the number 1060, and speaks protocol 2.0 only: ROBOTIS e-manual. No HerkuleX reports 09 09.
     "dynamixel": (RX28, 1060, "Dynamixel servo, model 1060"),
-    "herkulex": (DRS0602, 0x0909, "HerkuleX servo, model 2313"),
+    "herkulex": (DRS0602, 0x0909, "HerkuleX servo, model 0909"),
 }
 FAMILIES = pytest.mark.parametrize("family", NUMBERS)
 

@@ -65,7 +65,7 @@ def stand(bus: Any) -> list[bool]:
 
 def set_baud(bus: Any, baud: int) -> None:
     for real in bus.transport.servos:
-        if has(real.model, "baud"):
+        if baud in real.model.bauds and has(real.model, "baud"):
             row = real.model.register("baud")
             real.memory.store(row, row.encode(baud))
             real.power_on(bus.transport.now())
@@ -134,7 +134,7 @@ def test_N2_one_at_another_speed_is_looked_for_there(ports: Callable[[str], Any]
 
 @pytest.mark.parametrize("verb", ["stop", "torque"])
 @pytest.mark.parametrize(
-    ("key", "rows"), [("rx28", {"model_number": 29}), ("drs0602", {"model_no1": 1, "model_no2": 1})]
+    ("key", "rows"), [("rx28", {"model_number": 29}), ("drs0602", {"model_no1": 1, "model_no2": 2})]
 )
 def test_N2_one_of_an_unknown_model_is_stopped_too(
     ports: Callable[[str], Any], run: Run, key: str, rows: dict[str, int], verb: str

@@ -148,7 +148,7 @@ def test_N23_a_reset_that_breaks_off_has_the_settings_in_its_error(key: str, dri
         bench.line.sleep(1.0)
         if failure is not None and bench.stored(hot.name) != 55:
             seen += 1
-            assert failure.before[hot.name] == 55.0
+            assert failure.before[hot.name] == hot.decode(55)
             assert failure.before["id"] == 5
             assert "it was id 5 at" in str(failure)
     assert seen

@@ -53,7 +53,7 @@ def test_P5_what_follows_a_write_to_the_eeprom_is_heard(key: str, driver: str, p
     bench.do(lambda servo: servo.store({hot: 60.0}))
     bench.do(lambda servo: servo.led("on"))  # of an LX-16A nothing tells whether it was heard
     bench.line.sleep(1.0)
-    assert bench.stored(hot.name) == 60
+    assert bench.stored(hot.name) == hot.encode(60.0)
     assert bench.real.led != "off"
 
 

@@ -145,7 +145,13 @@ def test_a_ramp_of_heat_goes_through_all_levels_and_back(key: str, driver: str) 
     bench.servo.safe_action = "free"
     bench.do(lambda servo: servo.torque_on())
     goal = bench.real.position + 10 * deg
-    levels = [bench.at(degrees) for degrees in (25, limit - 11, limit - 10, limit - 6, limit - 5, limit - 1)]
+    # From 10 °C below its limit on, and from 5, as near as readings come to that.
+    row = MODELS[key].register("present_temperature")
+    told = [row.decode(raw) for raw in range(row.limits[1])]
+    cool, warm, hot = (
+        [one for one in told if far > limit - one >= near] for far, near in ((99, 10.01), (10.01, 5.01), (5.01, 0.5))
+    )
+    levels = [bench.at(degrees) for degrees in (25, max(cool), min(warm), max(warm), min(hot), max(hot))]
     assert levels == [OK, OK, WARN, WARN, DERATE, DERATE]
     assert bench.holds()
     bench.do(lambda servo: servo.start_move(goal, time=0.2))

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
+import extent
 import servobus
 from samples import has, turning
 from servobus import MODELS
@@ -21,11 +22,26 @@ WITHIN = 0.02
 """How far a motor may be from a printed figure."""
 
 
+def measured() -> list[str]:
+    """Give all models with `--all`; else the one of each series of which the most is printed."""
+    keys = [key for key, model in MODELS.items() if model.firmware]
+    if extent.everything:
+        return keys
+    best: dict[tuple[str, str], str] = {}
+    for key in sorted(keys, key=lambda key: -printed(MODELS[key])):
+        best.setdefault((MODELS[key].family.name, MODELS[key].series), key)
+    return list(best.values())
+
+
+def printed(model: type[Model]) -> int:
+    """Count the figures that are printed of a model."""
+    return sum((at.stall_torque is not None) + (at.speed is not None) for at in model.sheet.performance)
+
+
 def points() -> Iterator[tuple[str, Performance]]:
-    """Give every line of every data sheet."""
-    for key, model in MODELS.items():
-        if model.firmware:
-            yield from ((key, at) for at in model.sheet.performance)
+    """Give the lines of the data sheets of these models."""
+    for key in measured():
+        yield from ((key, at) for at in MODELS[key].sheet.performance)
 
 
 def label(point: tuple[str, Performance]) -> str:

@@ -229,9 +229,9 @@ def hx(text: str) -> bytes:
     return bytes([0xFF, 0xFF, size, id, code, check & 0xFE, ~check & 0xFE, *data])
 
 
-FRAMED: dict[str, Callable[[str], bytes]] = {"rx28": dxl, "drs0602": hx, "lx16a": lx}
-PING = {"rx28": "01 02 01", "drs0602": "01 07", "lx16a": "01 03 0E"}
-STORE = {"rx28": "01 04 03 11 24", "drs0602": "01 01 06 01 1E", "lx16a": "01 04 18 50"}
+FRAMED: dict[str, Callable[[str], bytes]] = {"dynamixel": dxl, "herkulex": hx, "lewansoul": lx}
+PING = {"dynamixel": "01 02 01", "herkulex": "01 07", "lewansoul": "01 03 0E"}
+STORE = {"dynamixel": "01 04 03 11 24", "herkulex": "01 01 06 01 1E", "lewansoul": "01 04 18 50"}
 """Writes of one byte to the EEPROM that change nothing before the next start."""
 
 Look = Callable[[Wire, Callable[..., str]], Any]
@@ -300,21 +300,21 @@ def unframed(packet: str) -> Look:
 
 
 def first(wire: Wire, say: Callable[..., str]) -> float:
-    key = wire.servo.model.key()
-    return wire.say(FRAMED[key](PING[key]), listen=1.0).first
+    family = wire.servo.model.family.name
+    return wire.say(FRAMED[family](PING[family]), listen=1.0).first
 
 
 def deaf_after(change: Callable[[Wire], None]) -> Look:
     def look(wire: Wire, say: Callable[..., str]) -> str:
         change(wire)
-        return say(PING[wire.servo.model.key()])
+        return say(PING[wire.servo.model.family.name])
 
     return look
 
 
 def store(wire: Wire) -> None:
-    key = wire.servo.model.key()
-    wire.say(FRAMED[key](STORE[key]))
+    family = wire.servo.model.family.name
+    wire.say(FRAMED[family](STORE[family]))
 
 
 def plug(wire: Wire) -> None:
@@ -323,13 +323,36 @@ def plug(wire: Wire) -> None:
     wire.line.plug(wire.line.servos, wire.now)
 
 
-def turned_speed(wire: Wire, say: Callable[..., str]) -> bool:
-    say("01 03 34 01 60")  # torque on
-    say("01 05 40 01 02 01 FE")  # infinite turn at 320, playtime 254: 2.8 s
-    wire.wait(0.1)
-    before = wire.servo.position
-    wire.wait(0.1)
-    return abs(wire.servo.position - before) / 0.1 > 130 * deg
+def turned_speed(value: str) -> Look:
+    """Tell whether infinite turn with this value is fast at once, although the playtime is 254: 2.8 s."""
+
+    def look(wire: Wire, say: Callable[..., str]) -> bool:
+        say("01 03 34 01 60")  # torque on
+        say(f"01 05 {value} 02 01 FE")
+        wire.wait(0.1)
+        before = wire.servo.position
+        wire.wait(0.1)
+        return abs(wire.servo.position - before) / 0.1 > 130 * deg
+
+    return look
+
+
+def herkulex_effects(goal: str, far: str, shift: str, edge: str, turn: str) -> dict[str, Look]:
+    """Give the effects on a HerkuleX.
+
+    goal, far  positions 57° and 113° from the middle
+    shift      a write of Calibration Difference
+    edge       a goal within the limits, which is outside with that difference
+    turn       a value of infinite turn, 200°/s or more
+    """
+    return {
+        "goal_after_limp": after_a_turn_by_hand("01 03 34 01 60", "01 03 34 01 00", f"01 05 {goal} 00 01 3C"),
+        "position_flags": steps("01 04 3A 02"),
+        "brake_jog": steps("01 03 34 01 40", f"01 05 {goal} 00 01 3C", 1.0, "01 04 34 01"),
+        "overload_step": blocked("01 03 34 01 60", f"01 05 {far} 00 01 00", 1.2, "01 07"),
+        "goal_limits": steps(f"01 03 {shift}", "01 03 34 01 60", f"01 05 {edge} 00 01 3C", "01 04 30 01"),
+        "turn_playtime": turned_speed(turn),
+    }
 
 
 EFFECTS: dict[str, dict[str, Look]] = {
@@ -351,15 +374,12 @@ EFFECTS: dict[str, dict[str, Look]] = {
         "compliance_sides": blocked("01 05 03 1A 32 00", "01 05 03 1E 1E 02", 0.1, "01 04 02 28 02"),
         "overload_time": blocked("01 05 03 1E FF 03", 1.0, "01 04 02 22 02"),
     },
-    "drs0602": {
-        "goal_after_limp": after_a_turn_by_hand("01 03 34 01 60", "01 03 34 01 00", "01 05 00 48 00 01 3C"),
-        "position_flags": steps("01 04 3A 02"),
-        "brake_jog": steps("01 03 34 01 40", "01 05 00 48 00 01 3C", 1.0, "01 04 34 01"),
-        "overload_step": blocked("01 03 34 01 60", "01 05 00 50 00 01 00", 1.2, "01 07"),
-        # calibration difference 1000, and a goal of 22000: 23000 is above 22129
-        "goal_limits": steps("01 03 2E 02 E8 03", "01 03 34 01 60", "01 05 F0 55 00 01 3C", "01 04 30 01"),
-        "turn_playtime": turned_speed,
-    },
+    # 18432 and 20480; 1000, and 22000 of 22129; 320 units of 0.62°/s
+    "drs0602": herkulex_effects("00 48", "00 50", "2E 02 E8 03", "F0 55", "40 01"),
+    # 687 and 860; 100, and 992 of 1002; 700 of 1023
+    "drs0101": herkulex_effects("AF 02", "5C 03", "2F 01 64", "E0 03", "BC 02"),
+    # 1373 and 1717; 100, and 1990 of 2004; 320 units of 0.62°/s
+    "drs0401": herkulex_effects("5D 05", "B5 06", "2E 02 64 00", "C6 07", "40 01"),
     "lx16a": {
         "goal_torque": steps("01 07 01 C8 00 00 00", "01 03 20"),
         "goal_after_limp": after_a_turn_by_hand("01 04 1F 01", "01 04 1F 00", "01 07 01 BC 02 00 00"),
@@ -379,11 +399,11 @@ EVERYWHERE: dict[str, Look] = {
 
 @pytest.mark.parametrize(("key", "name"), EVERY)
 def test_every_value_of_every_option_has_an_effect(key: str, name: str) -> None:
-    look = (EFFECTS[key] | EVERYWHERE)[name]
+    look, framed = (EFFECTS[key] | EVERYWHERE)[name], FRAMED[MODELS[key].family.name]
     seen = {}
     for word in values_of(declared(MODELS[key])[name]):
         wire = Wire(virtual_servo(MODELS[key], 1, reading="practice", options={name: word}))
-        seen[word] = look(wire, lambda packet, wire=wire: wire.say(FRAMED[key](packet)).text)
+        seen[word] = look(wire, lambda packet, wire=wire: wire.say(framed(packet)).text)
     assert len(set(seen.values())) == len(seen), seen
 
 

@@ -67,13 +67,15 @@ RX28_MEASURED: Final = motor_set(
 _BAM = "Rhoban BAM (github.com/Rhoban/bam, Apache-2.0), bam/params/{}/m1.json"
 """Fits of recorded swings of a pendulum at 15 V. Model M1 of them has Coulomb and viscous friction, which is what
 `MotorParams` has without more friction at rest and without a gear loss. Everything is seen at the output."""
-_LARGER = {
-    "winding_to_case": 10.0 * (165 / 72) ** (-2 / 3),
-    "case_to_ambient": 30.0 * (165 / 72) ** (-2 / 3),
-    "winding_capacity": 5 / 10 * (165 / 72),
-    "case_capacity": 270 / 30 * (165 / 72),
-}
-_LARGER_FROM = taken_over("the RX-28", "how it warms, by the weight, 72 g to 165 g")
+
+
+def _larger(kg: float) -> dict[str, float]:
+    """Give how a servo of this weight warms, as the RX-28 of 72 g does: with the weight, and with its surface."""
+    size = kg / 0.072
+    return {name: value * size ** (1 if "capacity" in name else -2 / 3) for name, value in _RX28_HEAT.items()}
+
+
+_LARGER_FROM = taken_over("the RX-28", "how it warms, by the weight")
 
 MX64_MEASURED: Final = motor_set(
     MotorParams(
@@ -83,7 +85,7 @@ MX64_MEASURED: Final = motor_set(
         coulomb=0.090387,
         viscous=0.011692,
         inertia=0.011951,
-        **_LARGER,
+        **_larger(0.135),
     ),
     "what Rhoban identified on a real MX-64",
     gear_ratio=printed("e-manual"),
@@ -103,7 +105,7 @@ MX106_MEASURED: Final = motor_set(
         coulomb=0.10352,
         viscous=0.035202,
         inertia=0.026609,
-        **_LARGER,
+        **_larger(0.153),
     ),
     "what Rhoban identified on a real MX-106",
     gear_ratio=printed("e-manual"),

@@ -111,6 +111,10 @@ class Herkulex(Family):
         # Version bytes 00 90 read as "0.90": an assumption, the manual does not say how they are written.
         return Identity(model[0] << 8 | model[1], f"{model[2]:x}.{model[3]:02x}", answers)
 
+    def number_text(self, number: int | None) -> str:
+        """Give the digits of the name: "0102" is a DRS-0102."""
+        return super().number_text(number) if number is None else f"{number:04x}"
+
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
         """STAT, and reads: an ACK tells command, address and length of its request."""
         return (stat(id), ram_read(id, 0, 1), eep_read(id, 0, 1), ram_read(id, 0, 2))

@@ -192,13 +192,14 @@ class MX64(CurrentTable):
         temperature=(-5.0, 80.0),
         angle=360 * deg,
         resolution=360 * deg / 4096,
-        weight=0.165,
+        weight=0.135,
         size=(0.0402, 0.0611, 0.041),
         gear_ratio=200,
         gear="full metal gear, metal front on AT and AR",
         motor="Maxon, coreless",
         standby_current=0.100,
         link=LINK,
+        doubts=("The weight is that of AT and AR; T and R weigh 126 g.",),
     )
 
     highest_limit_voltage = CurrentTable.highest_limit_voltage.with_(default=240)
@@ -222,7 +223,7 @@ class MX106(CurrentTable):
         temperature=(-5.0, 80.0),
         angle=360 * deg,
         resolution=360 * deg / 4096,
-        weight=0.165,
+        weight=0.153,
         size=(0.0402, 0.0651, 0.046),
         gear_ratio=225,
         gear="full metal gear, metal front",
