@@ -199,8 +199,10 @@ class Tracker:
         if asked is not None:
             return self._cut(asked, stream, raw, first)
         self.junk += len(raw)
+        foreign = next(filter(None, (family.framing.foreign_in(raw) for family in self._families)), "")
+        text = f"{junk_text(raw)}: {foreign}" if foreign else junk_text(raw)
         return TrafficEvent(
-            first.time, stream.direction, EventKind.NOISE, junk_text(raw), self._family, None, raw, None, Trouble.JUNK
+            first.time, stream.direction, EventKind.NOISE, text, self._family, None, raw, None, Trouble.JUNK
         )
 
     def _padding(
