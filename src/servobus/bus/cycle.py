@@ -47,7 +47,7 @@ class Result(Readings[Servo, dict[str, Any]]):
     def __init__(
         self, values: Mapping[Servo, dict[str, Any]], lost: Mapping[Servo, BusError], chain: Sequence[Servo]
     ) -> None:
-        super().__init__(values, lost)
+        super().__init__(*({servo: one[servo] for servo in chain if servo in one} for one in (values, lost)))  # type: ignore[arg-type] # values, then errors
         self._chain = chain
 
     @property
