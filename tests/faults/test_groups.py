@@ -189,8 +189,7 @@ def test_a_request_that_nobody_hears(driver: str) -> None:
     rig.inject("deaf#1")
     assert rig.read_all() == (rig.truth, {})
     rig.inject("deaf#1")
-    values, lost = rig.run_cycle()
-    assert (len(values), list(lost)) == (5, [1])
+    assert rig.run_cycle() == (rig.truth, {})
 
 
 @DRIVERS

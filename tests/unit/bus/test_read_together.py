@@ -155,6 +155,21 @@ def test_it_is_faster_than_asking_each(latency: str, times: float, delay: int) -
     assert took[False] / took[True] > times
 
 
+@pytest.mark.parametrize("odd", [1, 3, 6])
+def test_a_servo_that_does_not_know_the_request_after_all(odd: int) -> None:
+    """An AX-12A stands for a firmware without BULK_READ: it is found out, and nobody's values fail any more."""
+    spec = ",".join(f"{'ax12a' if id == odd else 'mx28'}@{id}" for id in range(1, 7))
+    bus, port = opened(spec, model=MX28)
+    cycle = bus.cycle("present_temperature", write=())
+    lost = [id for _ in range(8) for id in cycle.run().lost.by_id()]
+    assert lost == [odd] * (0 if odd == 1 else 3)  # once in two cycles; where none answers, all are asked alone
+    codes(port)
+    for _ in range(5):
+        assert cycle.run().lost == {}
+    assert codes(port) == [BULK_READ, READ_DATA] * 5
+    assert bus.read_all("present_temperature").lost == {}
+
+
 def test_a_servo_that_is_away_is_asked_alone_and_the_others_together() -> None:
     bus, port = opened("mx28@1-6")
     cycle = bus.cycle(EIGHT, write=())
