@@ -13,6 +13,7 @@
     │   ├── Garbled                   bytes came, but no packet: wrong baud, noise, two servos at once
     │   │   ├── BadChecksum           a packet of the right shape that the checksum refuses
     │   │   └── ShortReply            the beginning of a packet
+    │   ├── OtherProtocol             a packet of a protocol that is not understood here
     │   ├── WrongReply                a good packet that does not answer what was asked
     │   ├── DuplicateId               two answers to one question: two servos have one id
     │   ├── BrokenEcho                the line gave back something else than was sent
@@ -139,6 +140,10 @@ class BadReading(BusError, ValueError):
 
     `read_raw` gives it as it is.
     """
+
+
+class OtherProtocol(BusError):
+    """A packet of another protocol came, which is not understood here."""
 
 
 class WrongReply(BusError):

@@ -13,7 +13,7 @@ import pytest
 
 import servobus
 from drivers import result_of
-from samples import can_be_silenced, has, one_model_of_each_family, other_bauds, sample_models, turning
+from samples import can_be_silenced, has, one_model_of_each_family, other_bauds, series_models, turning
 from servobus import MODELS, BusError, StopFailed, deg
 from servobus.bus.asyncio import AsyncBus
 from servobus.families import registry
@@ -306,7 +306,7 @@ def play(
     return said
 
 
-@sample_models
+@series_models
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
 @pytest.mark.parametrize("end", ENDS, ids=lambda end: end.__name__)
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
@@ -326,14 +326,14 @@ def test_motion_ends(
         assert "id 9 may still move" in said or not (fault is absent_neighbours or other_bauds(MODELS[key]))
 
 
-@sample_models
+@series_models
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
 @pytest.mark.parametrize("end", ENDS, ids=lambda end: end.__name__)
 def test_motion_ends_with_asyncio(key: str, fault: Callable[[Scene], None], end: Callable[[Scene], str]) -> None:
     play(Scene(key, driver=AsyncBus), move, fault, end)
 
 
-@sample_models
+@series_models
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
 def test_a_cell_fails_where_an_end_stops_nothing(key: str, way: Callable[[Scene], None]) -> None:
     def nothing(scene: Scene) -> str:

@@ -13,6 +13,7 @@ long, and no more than one longest packet is ever kept: linear time, bounded mem
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import TypeAlias
 
 from servobus.core.values import frozen
@@ -86,6 +87,8 @@ class Framing(ABC):
     forget_time: float = 0.21
     """s after which a servo forgets what it took for the start of a packet; what is sent at another speed may be taken
     so, and the request that comes next is then lost. As long as HerkuleX servos need, if nothing is said."""
+    foreign: Mapping[bytes, str] = {}
+    """How packets of other protocols begin that may be heard instead -> what they are, for people."""
     baud_tolerance: float = 0.03
     """Share by which a servo's speed may be off; assumption, as RX-28 manual 3-4-1 says of its servo."""
 
@@ -100,6 +103,10 @@ class Framing(ABC):
     @abstractmethod
     def unframe(self, raw: bytes) -> tuple[Packet, bool]:
         """Take a frame of the right size apart; the flag tells whether its checksum is right."""
+
+    def foreign_in(self, raw: bytes) -> str:
+        """Say of which other protocol bytes are that are no packet here; "" if that does not show."""
+        return next((text for header, text in self.foreign.items() if header in raw), "")
 
     def whole(self, raw: bytes) -> Packet | None:
         """Give the packet if the bytes are one good packet and nothing else."""

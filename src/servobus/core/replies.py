@@ -11,7 +11,17 @@ from typing import Any, TypeAlias
 
 from servobus.core.exchange import Exchange, GroupExchange
 from servobus.core.framing import INCOMPLETE, Corrupt, Decoder, Event, Framing, Noise, Packet
-from servobus.errors import BadChecksum, BrokenEcho, BusError, DuplicateId, Garbled, NoReply, ShortReply, WrongReply
+from servobus.errors import (
+    BadChecksum,
+    BrokenEcho,
+    BusError,
+    DuplicateId,
+    Garbled,
+    NoReply,
+    OtherProtocol,
+    ShortReply,
+    WrongReply,
+)
 
 Arrival: TypeAlias = tuple[int | None, Packet]
 """A good packet, with the number of the reply that it is; None for a stranger."""
@@ -239,6 +249,8 @@ class ReplyCollector:
         if strangers := {event.id for event in events if isinstance(event, Packet)}:
             ids = ", ".join(map(str, sorted(strangers)))
             return WrongReply(f"{what}: an answer came that does not fit, from id {ids} ({_hex(heard)})", heard)
+        if foreign := exchange.framing.foreign_in(heard):
+            return OtherProtocol(f"{what}: the answer is one of {foreign} ({_hex(heard)})", heard)
         if short := _cut_short(exchange.framing, heard):
             return ShortReply(f"{what}: the reply ends too soon ({_hex(heard)}, {short}): a byte was lost", heard)
         if heard:

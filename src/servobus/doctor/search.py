@@ -18,7 +18,7 @@ from servobus.doctor.findings import (
     id_list,
     is_noise,
 )
-from servobus.errors import DuplicateId, Garbled
+from servobus.errors import DuplicateId, Garbled, OtherProtocol
 from servobus.families import registry
 from servobus.families.base import Answers, Family
 from servobus.jobs.scan import LATE, FoundServo, Models, ScanProblem, ScanProgress, in_order
@@ -197,7 +197,9 @@ def _unclear_answers(port: str, result: SearchResult, taken: set[int]) -> Iterat
     for one in result.troubles[:SHOWN]:
         what = f"{one.family.title} id {one.id} at {one.baud}: something answers, but not clearly ({one.error})"
         others = [near.family.name for near in result.found if near.baud == one.baud and near.family is not one.family]
-        if isinstance(one.error, DuplicateId):
+        if isinstance(one.error, OtherProtocol):
+            yield Finding(Severity.WARN, "ids", str(one), "a servo whose firmware speaks another protocol")
+        elif isinstance(one.error, DuplicateId):
             yield duplicate_id(port, what, (one.family, one.id, one.baud), taken)
         elif others:
             cause = "a servo of another family that heard what was not meant for it?"

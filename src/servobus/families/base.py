@@ -50,6 +50,7 @@ __all__ = [
     "ServoRef",
     "SpecSheet",
     "StopOutcome",
+    "Stranger",
     "TorqueState",
     "adjacent",
     "blocks",
@@ -75,6 +76,15 @@ class Identity:
     number: int | None
     firmware: str
     answers: Answers
+
+
+@frozen
+class Stranger:
+    """A device on the line that speaks a protocol not known here."""
+
+    id: int
+    text: str
+    """What it is, for people."""
 
 
 class Family(ABC):
@@ -130,6 +140,10 @@ class Family(ABC):
 
         The first is one that every servo answers, whatever it is set to.
         """
+
+    def strangers(self) -> Sequence[Exchange[Stranger]]:
+        """Give harmless questions that devices answer which speak another protocol, for a scan of all ids."""
+        return ()
 
     # Registers, raw
 
@@ -260,6 +274,10 @@ class Family(ABC):
     @abstractmethod
     def push(self, target: ServoRef) -> Procedure[float]:
         """Read how hard the servo pushes, as a share 0 .. 1 of the output that it is allowed now."""
+
+    def known_alarms(self, model: type[Model], alarms: int) -> int:  # noqa: ARG002 - most families know all bits
+        """Leave out the bits of a reply that mean nothing on a model."""
+        return alarms
 
     @abstractmethod
     def read_alarms(self, target: ServoRef) -> Procedure[int]:

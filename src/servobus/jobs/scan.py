@@ -6,9 +6,9 @@ from typing import Any, TypeAlias
 from servobus.core.exchange import Batch, Exchange, LateAnswers, Lateness, Pause, Procedure, SetBaud, Settle
 from servobus.core.ids import LAST_ID, check_id
 from servobus.core.values import frozen
-from servobus.errors import BadReading, BusError, NoReply, UnknownName, UsageError
+from servobus.errors import BadReading, BusError, NoReply, OtherProtocol, UnknownName, UsageError
 from servobus.families import registry
-from servobus.families.base import Answers, Family, Identity, Model, ServoRef
+from servobus.families.base import Answers, Family, Identity, Model, ServoRef, Stranger
 from servobus.jobs.look import Snapshot, look
 
 
@@ -45,6 +45,8 @@ class ScanProblem:
     error: BusError
 
     def __str__(self) -> str:
+        if isinstance(self.error, OtherProtocol):
+            return f"{self.error}, at {self.baud} baud"
         return (
             f"{self.family.title}, id {self.id} at {self.baud} baud: something answers, but not clearly ({self.error})"
         )
@@ -129,6 +131,8 @@ MUCH = 0.02
 """s; a USB adapter that hands answers over after 16 ms is not worth telling."""
 LATE = 0.3
 """s for which a scan that heard nothing listens for late answers at its end; assumption: none comes later."""
+STRANGERS = 0.3
+"""s in which further answers to a question to all that speak another protocol pass by."""
 GIVE_WAY = Pause(0.0, shared=True)
 """A scan takes seconds: whatever else waits for the line comes first, between any two ids."""
 
@@ -176,6 +180,8 @@ def scan(
                         found = yield from _met(family, id, baud, survey, identify)
                     tell(family, baud, id, found)
                 some = some[len(answers) :]
+        if len(wanted) > LAST_ID:
+            yield from _ask_strangers(family, baud, survey)
         wait = LATE if (baud, family) == rounds[-1] else 0.0
         yield from _ask_late_ones_again(asked, wait, survey, identify, tell)
         here = [other for speed, other in rounds if speed == baud]
@@ -183,6 +189,17 @@ def scan(
             for other in here:
                 yield Settle(other.framing)
     return survey
+
+
+def _ask_strangers(family: Family, baud: int, survey: ScanResult) -> Procedure[None]:
+    """Ask for what speaks another protocol on lines of this family."""
+    for question in family.strangers():
+        yield GIVE_WAY
+        (answer,) = yield Batch([question.no_retry()])
+        if isinstance(answer, Stranger):
+            error = OtherProtocol(f"{answer.text}")
+            survey.troubles.append(ScanProblem(family, answer.id, baud, error))
+            yield Pause(STRANGERS)
 
 
 def _ask_late_ones_again(
@@ -249,6 +266,8 @@ def _meet(family: Family, id: int, baud: int, alarms: int, identify: Identify) -
             state = yield from look(ServoRef(id, model, identity.answers))
         except BadReading:  # the servo is there, and can be stopped, whatever its registers read as
             state = None
+    if model is not None:
+        alarms = family.known_alarms(model, alarms)
     return FoundServo(family, id, baud, identity, model, state, alarms)
 
 

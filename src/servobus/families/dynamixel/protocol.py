@@ -76,9 +76,17 @@ ALARMS = Error.INPUT_VOLTAGE | Error.OVERHEATING | Error.OVERLOAD
 """Bits that tell the state of the servo; the others refuse the instruction they answer (ED-25)."""
 
 
+HEADER_2 = b"\xff\xff\xfd\x00"
+"""How every packet of protocol 2.0 begins (ROBOTIS e-manual, Protocol 2.0); in 1.0 the length is never 0."""
+PROTOCOL_2 = (
+    "Dynamixel protocol 2.0, not understood here; the maker's Dynamixel Wizard can set an MX servo to protocol 1.0"
+)
+
+
 class Dynamixel1Framing(Framing):
     name = "dynamixel"
     header = b"\xff\xff"
+    foreign = {HEADER_2: PROTOCOL_2}  # noqa: RUF012 - never changed
     overhead = 6
     max_size = RX_BUFFER
     forget_time = 0.105  # RX-28 manual, appendix, Byte to Byte Time: 100 ms; and a bit

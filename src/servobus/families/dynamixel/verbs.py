@@ -10,9 +10,9 @@ from servobus.core.registers import Area, Register
 from servobus.core.units import Flags
 from servobus.core.values import replace
 from servobus.errors import BadValue, NoReply, UsageError
-from servobus.families.base import Family, Identity
+from servobus.families.base import Family, Identity, Stranger
 from servobus.families.change import set_registers
-from servobus.families.dynamixel import listening
+from servobus.families.dynamixel import listening, protocol2
 from servobus.families.dynamixel.places import Address
 from servobus.families.dynamixel.protocol import (
     ALARMS,
@@ -87,6 +87,9 @@ class Dynamixel1(Family):
     def fences(self, id: int) -> Sequence[Exchange[Any]]:
         """PING, and reads of different lengths: a status packet tells nothing of the question but its length."""
         return (ping(id), *(read_data(id, 0, length) for length in (1, 3, 5, 7)))
+
+    def strangers(self) -> Sequence[Exchange[Stranger]]:
+        return (protocol2.ping_all(),)
 
     def reading(self, target: ServoRef, registers: Sequence[Register[Any]]) -> Reading:
         if target.answers is Answers.NOTHING:

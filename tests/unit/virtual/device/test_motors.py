@@ -68,6 +68,17 @@ def test_the_motor_meets_all_printed_figures_that_a_motor_can_meet(key: str) -> 
 
 
 @every_model
+def test_a_printed_stall_current_is_met_unless_torque_and_speed_take_more(key: str) -> None:
+    """No gear gives power: stall current * voltage is at least stall torque * speed without load."""
+    model = MODELS[key]
+    left_out = {miss.voltage for miss in misses(model) if not miss.text and miss.what == "stall current"}
+    for at in model.sheet.performance:
+        if at.stall_current is not None and at.stall_torque is not None and at.speed is not None:
+            too_little = at.stall_current * at.voltage < at.stall_torque * at.speed * (1 - WITHIN)
+            assert (at.voltage in left_out) == too_little
+
+
+@every_model
 def test_every_number_says_where_it_comes_from(key: str) -> None:
     for one in motor_sets(MODELS[key]).values():
         told = {name for name, origin in one.origins.items() if origin.text and origin.source in Source}
@@ -100,6 +111,32 @@ def test_siblings_are_models_that_are_known(key: str) -> None:
     data = motor_data(MODELS[key])
     assert not data.like or data.like in MODELS
     assert bool(data.like) == bool(data.why)
+
+
+@pytest.mark.parametrize(
+    ("key", "constant", "resistance", "inertia", "coulomb", "viscous"),
+    [
+        # Rhoban BAM (github.com/Rhoban/bam), bam/params/mx64/m1.json and mx106/m1.json; all at the output.
+        ("mx64", 1.62, 3.95, 0.0120, 0.090, 0.012),
+        ("mx106", 2.19, 2.96, 0.0266, 0.104, 0.035),
+    ],
+)
+def test_measured_sets_are_what_was_identified(
+    key: str, constant: float, resistance: float, inertia: float, coulomb: float, viscous: float
+) -> None:
+    params = motor_sets(MODELS[key])["measured"].params
+    assert params.constant == pytest.approx(constant, rel=0.005)
+    assert params.gear_loss == params.stiction == 0
+    assert params.resistance == pytest.approx(resistance, rel=0.005)
+    assert params.inertia == pytest.approx(inertia, rel=0.01)
+    assert (params.coulomb, params.viscous) == pytest.approx((coulomb, viscous), rel=0.03)
+
+
+def test_what_was_measured_is_not_far_from_what_is_printed() -> None:
+    """A real MX-64 at 12 V: 6.0 N·m and 63 rpm in the e-manual."""
+    params = motor_sets(MODELS["mx64"])["measured"].params
+    assert 0.75 < stall_torque(params, 12.0) / 6.0 < 1
+    assert 1 < no_load_speed(params, 12.0) / (63 * rpm) < 1.15
 
 
 # The derivation, on sheets made up here
