@@ -14,7 +14,8 @@ from servobus import deg
 
 port = sys.argv[1] if len(sys.argv) > 1 else "virtual:rx28@1-2,lx16a@3-4?clock=virtual"
 
-with servobus.open(port) as bus:
+# LX servos cannot say of which model they are.
+with servobus.open(port, models="lx16a") as bus:
     for servo in bus.scan(ids=range(1, 10)):
         print(servo)
     for trouble in bus.survey.troubles:

@@ -24,6 +24,7 @@ def opened(name: str, bauds: int | None = None) -> Iterator[servobus.Bus]:
 @pytest.mark.parametrize("link", LINKS)
 def test_two_families_behind_one_port(serve: Serve, link: str) -> None:
     with opened(serve("rx28@1-2,lx16a@3", "--baud", "115200", *LINKS[link]), bauds=115_200) as bus:
+        bus.models = "lx16a"
         for id, model in ((1, RX28), (2, RX28), (3, LX16A)):
             assert bus.find(id, family=model.family).model is model
         with bus.torque():
