@@ -168,7 +168,7 @@ def test_T6_without_a_model_values_are_bytes() -> None:
     ]
 
 
-NUMBER, RX, MX = frame("01 04 02 00 02"), frame("01 04 00 1C 00"), frame("01 04 00 1D 00")
+NUMBER, RX, STRANGE = frame("01 04 02 00 02"), frame("01 04 00 1C 00"), frame("01 04 00 99 00")
 POSITION, HERE = frame("01 04 02 24 02"), frame("01 04 00 00 02")
 
 
@@ -181,7 +181,7 @@ def test_T6_a_model_number_in_the_traffic_tells_the_model() -> None:
         "READ_DATA id 1: 2 bytes from address 36",
         "status of id 1: ok, address 36: 00 02",
         "READ_DATA id 1: 2 bytes from address 0",
-        "status of id 1: ok, model_number 28; id 1 is a RX-28: from here on its registers are shown",
+        "status of id 1: ok, model_number 28; id 1 is of model RX-28: from here on its registers are shown",
         "READ_DATA id 1: 2 bytes from address 36, present_position",
         "status of id 1: ok, present_position 150.1°",
     ]
@@ -199,16 +199,16 @@ def test_T6_it_tells_the_model_of_that_servo_alone() -> None:
 
 
 def test_T6_an_unknown_model_stays_unknown() -> None:
-    events = watch((0.0, OUT, NUMBER), (0.002, IN, MX), (0.1, OUT, POSITION), (0.102, IN, HERE))
+    events = watch((0.0, OUT, NUMBER), (0.002, IN, STRANGE), (0.1, OUT, POSITION), (0.102, IN, HERE))
     assert events[1].text == (
-        "status of id 1: ok, address 0: 1D 00; id 1 is of model 29, which is not known here: its registers stay bytes"
+        "status of id 1: ok, address 0: 99 00; id 1 is of model 153, which is not known here: its registers stay bytes"
     )
     assert events[3].text == "status of id 1: ok, address 36: 00 02"
 
 
 def test_T6_another_servo_under_the_same_id_is_noticed() -> None:
     events = watch(
-        (0.0, OUT, NUMBER), (0.002, IN, RX), (0.1, OUT, NUMBER), (0.102, IN, MX),
+        (0.0, OUT, NUMBER), (0.002, IN, RX), (0.1, OUT, NUMBER), (0.102, IN, STRANGE),
         (0.2, OUT, POSITION), (0.202, IN, HERE),
     )  # fmt: skip
     assert events[-1].text == "status of id 1: ok, address 36: 00 02"
@@ -223,7 +223,7 @@ def test_T6_the_model_of_a_herkulex() -> None:
     tracker = Tracker()
     events = watch((0.0, OUT, ask), (0.003, IN, answer), tracker=tracker)
     assert "model_no1 6, model_no2 2" in events[1].text
-    assert events[1].text.endswith("; id 2 is a DRS-0602: from here on its registers are shown")
+    assert events[1].text.endswith("; id 2 is of model DRS-0602: from here on its registers are shown")
     assert position[5] == 0xB4
 
 
