@@ -7,6 +7,8 @@ allow is counted here from the packets of the manuals, not by the driver:
 
     RX-28       half duplex: 8 bytes ask, 6 + n answer (manual 3-5-1); return delay 0
     DRS-0602    full duplex: 9 bytes ask, 11 + n answer (manual 6-4), at the same time on a wire each
+
+At last, six MX-28 are read by one BULK_READ, and one by one, behind adapters that hand bytes over later and later.
 """
 
 import argparse
@@ -17,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import servobus
 from servobus import DRS0602, LX16A, RX28, Bus, BusServo
+from servobus.families.dynamixel.models.mx import MX28
 
 if TYPE_CHECKING:
     from servobus.virtual.serve.inprocess import VirtualPort
@@ -56,6 +59,12 @@ JOBS = (
     Job(RX28, (RX28.present_position, RX28.present_speed, RX28.present_load), 8, 6 + 6, full_duplex=False),
     Job(DRS0602, (DRS0602.present_position, DRS0602.differential_position, DRS0602.pwm), 9, 11 + 8, full_duplex=True),
 )
+TOGETHER = 6
+"""Servos that are read by one request."""
+LATENCIES = ("0ms", "1ms", "4ms", "16ms")
+"""How much later an adapter hands over what it got; 16 ms is what FTDI chips are set to as they come."""
+RETURN_DELAYS = (0, 250)
+"""Codes of 2 µs: none, and as it comes from the factory (e-manual, MX-28, Return Delay Time)."""
 SCANS = ((RX28, FAST), (RX28, 115_200), (DRS0602, FAST), (DRS0602, 115_200), (LX16A, 115_200))
 
 
@@ -80,6 +89,36 @@ def main(arguments: list[str] | None = None) -> None:
         longest = SCAN_FAST if baud == FAST else SCAN_SLOW
         aim = f"{longest:g} s {_said(taken < longest)}"
         print(f"{model.title:<17}{baud:>8}{taken:>13.3f}{spent:>8.2f}{aim:>20}")
+    print(f"\n8 bytes of {TOGETHER} MX-28 at {FAST} baud, simulated")
+    print(f"{'adapter':<10}{'return delay':>13}{'one by one, ms':>16}{'BULK_READ, ms':>15}{'times':>8}")
+    for latency in LATENCIES:
+        for code in RETURN_DELAYS:
+            alone, together = (_together(model, latency, code, args.cycles) for model in (AskedAlone, MX28))
+            delay = f"{2 * code} µs"
+            print(f"{latency:<10}{delay:>13}{alone * 1e3:>16.2f}{together * 1e3:>15.2f}{alone / together:>8.2f}")
+
+
+class AskedAlone(MX28):
+    """The same servo, never asked along with others."""
+
+    answers_together = False
+
+
+def _together(model: Any, latency: str, return_delay: int, cycles: int) -> float:
+    """Give the simulated seconds of a cycle that reads 8 bytes of some servos."""
+    url = f"virtual:{MX28.key()}@1-{TOGETHER}?clock=virtual&baud={FAST}&faults=latency={latency}"
+    with servobus.open(url, bauds=FAST) as bus:
+        servos = [bus.attach(model, id, baud=FAST) for id in range(1, TOGETHER + 1)]
+        for servo in servos:
+            servo.write_raw({"return_delay_time": return_delay})
+        cycle = bus.cycle(("present_position", "present_temperature"), write=(), servos=servos)
+        for _ in range(cycles):
+            cycle.run()
+        before = _clock(bus)
+        for _ in range(cycles):
+            lost = cycle.run().lost
+            assert not lost, lost
+        return (_clock(bus) - before) / cycles
 
 
 def _aim(job: Job, of_bits: float, of_singly: float) -> str:

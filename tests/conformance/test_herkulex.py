@@ -1,4 +1,4 @@
-"""Behaviours H-1 to H-121 of the DRS-0602: what the manual says, in bytes, seconds and steps.
+"""Behaviours H-1 to H-121 of HerkuleX: what the manual of the DRS-0602 says, in bytes, seconds and steps.
 
 `ask` frames a request and unframes the ACK with arithmetic of its own, so that a test reads
 
@@ -13,7 +13,7 @@ from conformance.wire import Reply, Wire
 from servobus.core.units import deg
 from servobus.errors import UsageError
 from servobus.families.herkulex.places import EEP, RAM
-from servobus.families.registry import DRS0602
+from servobus.families.registry import DRS0602, MODELS
 from servobus.virtual.device.servo import VirtualServo, virtual_servo
 from servobus.virtual.physics.motor import Load
 
@@ -47,9 +47,17 @@ def servo(id: int = 0xFD, *, position: float = 0.0, voltage: float = 14.8) -> Vi
     return virtual_servo(DRS0602, id, position=position * deg, voltage=voltage, reading="manual")
 
 
-@pytest.fixture
-def wire() -> Wire:
-    return Wire(servo())
+SUPPLY = {"drs0602": 14.8, "drs0101": 7.4, "drs0401": 14.8}
+"""V; one model of each firmware. What the manuals of all have in common is tested with each."""
+
+
+@pytest.fixture(params=SUPPLY)
+def wire(request: pytest.FixtureRequest) -> Wire:
+    return Wire(virtual_servo(MODELS[request.param], 0xFD, voltage=SUPPLY[request.param], reading="manual"))
+
+
+the_drs0602 = pytest.mark.parametrize("wire", ["drs0602"], indirect=True)
+"""For figures of the DRS-0602; those of the others are in tests/unit/families/herkulex/test_series.py."""
 
 
 def framed(text: str) -> bytes:
@@ -392,6 +400,7 @@ def test_H_18_a_shorter_pause_does_not_matter(wire: Wire) -> None:
     assert wire.say("02") == "FF FF 09 FD 47 B2 4C 00 00"
 
 
+@the_drs0602
 def test_H_19_errors_stay_until_they_are_cleared(wire: Wire) -> None:
     tell(wire, "FD 0A")
     wire.say("FF FF 07 FD 07 FC 00")
@@ -516,6 +525,7 @@ def test_H_32_neighbours_in_one_write(wire: Wire) -> None:
     assert [read(wire, at, 2) for at in (24, 26, 28)] == [0x0201, 0x0403, 0x0605]
 
 
+@the_drs0602
 def test_H_33_ram_acts_at_once_and_is_lost(wire: Wire) -> None:
     assert wire.say("FF FF 0A FD 03 A0 5E 34 01 60") == ""
     assert status(wire) == (0, TORQUE_ON | INPOSITION)
@@ -526,6 +536,7 @@ def test_H_33_ram_acts_at_once_and_is_lost(wire: Wire) -> None:
     assert read(wire, 24, 2) == 70
 
 
+@the_drs0602
 def test_H_34_eep_acts_after_a_restart(wire: Wire) -> None:
     assert wire.say("FF FF 0D FD 01 C8 36 1E 04 C8 00 E8 03") == ""
     assert wire.say("FF FF 09 FD 02 EC 12 1E 04").text.endswith("1E 04 C8 00 E8 03 00 00")
@@ -551,6 +562,7 @@ def test_H_36_a_new_id_in_ram_acts_at_once(wire: Wire) -> None:
     assert ask(wire, "FD 07") == "FD 47 00 00"
 
 
+@the_drs0602
 @pytest.mark.parametrize(
     ("code", "baud"),
     [
@@ -584,6 +596,7 @@ def test_H_38_read_only(wire: Wire, request_: str) -> None:
     assert status(wire) == (0x08, 0x10)
 
 
+@the_drs0602
 def test_H_39_reserved_bytes_stay_0(wire: Wire) -> None:
     write(wire, 3, 0x11, 0xFF, 0x22)
     assert read(wire, 3, 3) == 0x220011
@@ -598,6 +611,7 @@ def test_H_39_reserved_bytes_stay_0(wire: Wire) -> None:
     assert status(wire)[0] == 0
 
 
+@the_drs0602
 @pytest.mark.parametrize(
     "request_",
     [
@@ -636,6 +650,7 @@ def test_H_42_half_a_register_can_be_read(wire: Wire) -> None:
     assert read(wire, 26, 1) == 0x78
 
 
+@the_drs0602
 def test_H_43_model_and_version(wire: Wire) -> None:
     assert wire.say("FF FF 09 FD 02 F2 0C 00 04") == "FF FF 0F FD 42 20 DE 00 04 06 02 00 90 00 00"
 
@@ -689,6 +704,7 @@ def test_H_48_brake(wire: Wire) -> None:
     assert shaft(wire) == 0
 
 
+@the_drs0602
 def test_H_48_a_braked_shaft_resists(wire: Wire) -> None:
     def turned() -> list[float]:
         before = shaft(wire)
@@ -708,6 +724,7 @@ def test_H_48_a_braked_shaft_resists(wire: Wire) -> None:
     assert second > 2 * first > 100 * 360  # nothing but friction holds it back
 
 
+@the_drs0602
 def test_H_49_free(wire: Wire) -> None:
     wire.servo.turn_shaft(10 * deg)
     jog(wire, 18000, 10)
@@ -835,6 +852,7 @@ def test_H_58_colours(wire: Wire) -> None:
         assert wire.servo.led == colour
 
 
+@the_drs0602
 def test_H_59_no_driver_fault(wire: Wire) -> None:
     write(wire, STATUS, 0x7F)
     assert status(wire)[0] == 0x5F
@@ -848,6 +866,7 @@ def test_H_59_no_driver_fault(wire: Wire) -> None:
 # Protections and detection
 
 
+@the_drs0602
 @pytest.mark.parametrize("voltage", [9.4, 17.1, 5.0, 30.0])
 def test_H_60_voltage(wire: Wire, voltage: float) -> None:
     torque_on(wire)
@@ -862,6 +881,7 @@ def test_H_60_voltage(wire: Wire, voltage: float) -> None:
     assert status(wire) == (0x01, 0)
 
 
+@the_drs0602
 def test_H_61_temperature(wire: Wire) -> None:
     wire.servo.temperature = 80.0
     wire.wait(2.0)
@@ -873,6 +893,7 @@ def test_H_61_temperature(wire: Wire) -> None:
     assert status(wire) == (0x04, 0)
 
 
+@the_drs0602
 def test_H_62_a_shorter_excursion(wire: Wire) -> None:
     for _ in range(10):
         wire.servo.voltage, wire.servo.temperature = 8.0, 100.0
@@ -946,6 +967,7 @@ def test_H_65_no_overload_at_threshold_1023() -> None:
     assert stalled(wire, 1000, 5.0) == 0x10
 
 
+@the_drs0602
 def test_H_66_position_limits(wire: Wire) -> None:
     torque_on(wire)
     # I_JOG Example 1 (6-5): 512, far below the lowest position.
@@ -1133,6 +1155,7 @@ def test_H_79_the_mode_bit() -> None:
     assert read(wire, MODE) == 0
 
 
+@the_drs0602
 @pytest.mark.parametrize("state", [0x00, 0x40])
 def test_H_80_without_torque_only_the_mode_changes(wire: Wire, state: int) -> None:
     write(wire, TORQUE, state)
@@ -1391,6 +1414,7 @@ def test_H_98_without_override_speed_breaks() -> None:
 # Positions
 
 
+@the_drs0602
 def test_H_99_calibrated_position(wire: Wire) -> None:
     wire.servo.turn_shaft(20 * deg)
     absolute = read(wire, ABSOLUTE, 2)
@@ -1400,6 +1424,7 @@ def test_H_99_calibrated_position(wire: Wire) -> None:
         assert read(wire, ABSOLUTE, 2) == absolute
 
 
+@the_drs0602
 def test_H_100_calibration_of_the_middle(wire: Wire) -> None:
     wire.servo.turn_shaft(-25 * deg)
     difference = read(wire, ABSOLUTE, 2) - 16384
@@ -1407,6 +1432,7 @@ def test_H_100_calibration_of_the_middle(wire: Wire) -> None:
     assert read(wire, CALIBRATED, 2) == 16384
 
 
+@the_drs0602
 def test_H_101_calibration_difference_is_signed(wire: Wire) -> None:
     for written, difference in (((0xD7, 0x05), 1495), ((0x29, 0xFA), -1495), ((0xFF, 0xFF), -1)):
         write(wire, 46, *written)
@@ -1419,6 +1445,7 @@ def test_H_101_calibration_difference_is_signed(wire: Wire) -> None:
         assert read(wire, 46, 2, signed=True) == -1
 
 
+@the_drs0602
 @pytest.mark.parametrize(("choice", "position"), [(2, 0), (3, 9903), (4, 16384), (5, 22865), (6, 32767)])
 def test_H_102_absolute_position_set_anew(wire: Wire, choice: int, position: int) -> None:
     wire.servo.turn_shaft(33 * deg)
@@ -1428,6 +1455,7 @@ def test_H_102_absolute_position_set_anew(wire: Wire, choice: int, position: int
     assert read(wire, ABSOLUTE, 2) == pytest.approx(position + (-3240.5 if choice == 6 else 3240.5), abs=0.6)
 
 
+@the_drs0602
 def test_H_103_absolute_position_from_the_potentiometer(wire: Wire) -> None:
     wire.servo.turn_shaft(33 * deg)
     before = read(wire, ABSOLUTE, 2)
@@ -1635,6 +1663,7 @@ def test_H_115_order_of_the_stages() -> None:
 # ROLLBACK, REBOOT
 
 
+@the_drs0602
 def test_H_116_rollback_is_for_eep(wire: Wire) -> None:
     write_eep(wire, 30, 0xC8, 0x00)
     tell(wire, "FD 09")
@@ -1647,6 +1676,7 @@ def test_H_116_rollback_is_for_eep(wire: Wire) -> None:
     assert read(wire, 24, 2) == 70
 
 
+@the_drs0602
 @pytest.mark.parametrize(
     ("skip", "kept"), [("00 00", ()), ("01 00", (6,)), ("10 00", (52,)), ("00 01", (4,)), ("11 01", (4, 6, 52))]
 )

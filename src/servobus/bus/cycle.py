@@ -47,7 +47,7 @@ class Result(Readings[Servo, dict[str, Any]]):
     def __init__(
         self, values: Mapping[Servo, dict[str, Any]], lost: Mapping[Servo, BusError], chain: Sequence[Servo]
     ) -> None:
-        super().__init__(values, lost)
+        super().__init__(*({servo: one[servo] for servo in chain if servo in one} for one in (values, lost)))  # type: ignore[arg-type] # values, then errors
         self._chain = chain
 
     @property
@@ -179,7 +179,8 @@ class Cycle:
         All goals are checked before any is sent, `max_step` against what the last cycle read. Raises BadValue,
         UsageError for a servo in endless turn, TorqueOff where the torque is known to be off. Whether it is, and which
         limits are set, is read once, before the first goal. Goals feed the watchdog. Raises Stopped if nothing is to
-        move now. Nothing is asked twice: see `lost` of the result.
+        move now. Nothing is asked twice, unless of several that are asked together none answers: see `lost` of the
+        result.
         """
         if any(part.servo.target is not part.target for part in self._parts.values()):
             self._prepare()  # another id, speed or way to answer

@@ -143,12 +143,12 @@ class Servo(Closed):
         """
         alarms = yield from self.family.read_alarms(self.target)
         self.note_alarms(alarms)
-        return alarms
+        return self.alarms
 
     def note_alarms(self, alarms: int) -> None:
         """Take note of the alarm bits of a reply."""
-        self.alarms = alarms
-        self.latched |= alarms
+        self.alarms = alarms and self.family.known_alarms(self.model, alarms)
+        self.latched |= self.alarms
 
     def clear_latched(self) -> None:
         """Forget the alarms that are over. Asks nothing, and clears nothing in the servo; `rearm` does."""

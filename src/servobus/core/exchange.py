@@ -209,10 +209,15 @@ class GroupExchange(Exchange[list[S | BusError]], Generic[S]):
         """Give what turns the packet that is this reply into the result of its part."""
         return self.parts[self.replies.index(reply)].interpret
 
-    def turnless(self, outcomes: Sequence[Any]) -> list[int]:
-        """Give the numbers of the parts that had no turn, as all from an earlier one on stayed silent."""
+    def silent(self, outcomes: Sequence[Any]) -> list[int]:
+        """Give the numbers of the parts at the end that nobody answered."""
         answered = [n for n, outcome in enumerate(outcomes) if not isinstance(outcome, NoReply | Garbled)]
-        return list(range(max(answered, default=-1) + 2, len(self.parts)))
+        return list(range(max(answered, default=-1) + 1, len(self.parts)))
+
+    def turnless(self, outcomes: Sequence[Any]) -> list[int]:
+        """Give the numbers of the parts that had no turn: all behind the first that is silent, or all if none spoke."""
+        silent = self.silent(outcomes)
+        return silent if len(silent) == len(self.parts) else silent[1:]
 
     def _changed(self, **changes: Any) -> Self:
         copy = super()._changed(**changes)

@@ -275,6 +275,10 @@ class Family(ABC):
     def push(self, target: ServoRef) -> Procedure[float]:
         """Read how hard the servo pushes, as a share 0 .. 1 of the output that it is allowed now."""
 
+    def known_alarms(self, model: type[Model], alarms: int) -> int:  # noqa: ARG002 - most families know all bits
+        """Leave out the bits of a reply that mean nothing on a model."""
+        return alarms
+
     @abstractmethod
     def read_alarms(self, target: ServoRef) -> Procedure[int]:
         """Ask which alarms stand now, as the family's own flags."""

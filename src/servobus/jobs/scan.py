@@ -266,6 +266,8 @@ def _meet(family: Family, id: int, baud: int, alarms: int, identify: Identify) -
             state = yield from look(ServoRef(id, model, identity.answers))
         except BadReading:  # the servo is there, and can be stopped, whatever its registers read as
             state = None
+    if model is not None:
+        alarms = family.known_alarms(model, alarms)
     return FoundServo(family, id, baud, identity, model, state, alarms)
 
 

@@ -3,8 +3,9 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol, TypeVar
 
-from servobus.core.exchange import Batch, Exchange, GroupExchange, joined
+from servobus.core.exchange import Batch, Exchange, GroupExchange
 from servobus.errors import BusError, NoReply
+from servobus.link.groups import Groups
 from servobus.link.line_clock import LineClock
 from servobus.link.pipeline import Pipeline, is_lost
 from servobus.link.reply_log import ReplyLog
@@ -52,6 +53,7 @@ class Asking:
         self._transport, self._clock, self._log = transport, clock, log
         self._pipeline, self._attempt, self._contended = pipeline, attempt, contended
         self._echo_known = echo_known
+        self._groups = Groups()
 
     def until_answered(self, exchange: Exchange[T], begun: bytes | None = None) -> Waits[T]:
         """Ask, and ask again if it is repeatable and no reply was understood. Raises the BusError that came of it."""
@@ -81,6 +83,8 @@ class Asking:
             (outcome,) = yield from self._attempt((exchange,), begun, fence=fence)
         except BusError as error:
             return error
+        if exchange.joins is not None and not fence:
+            self._groups.learn_alone(exchange, outcome)
         return outcome
 
     def batch(self, batch: Batch) -> Waits[list[Any]]:
@@ -98,7 +102,7 @@ class Asking:
                 self._pipeline.learn_alone(outcome)
                 outcomes.append(outcome)
                 continue
-            if not batch.yields and (groups := joined(some)):
+            if not batch.yields and (groups := self._groups.make(some)):
                 outcomes += yield from self._grouped(some, groups, again=batch.again)
                 continue
             try:
@@ -126,6 +130,7 @@ class Asking:
                 found = [found] * len(group.parts)
                 yield from self._complete(group.parts, found, again=again)
             else:
+                self._groups.learn(group, found)
                 yield from self._complete(group.parts, found, group.turnless(found), again=again)
             outcomes.update(zip(group.parts, found, strict=True))
         others = [exchange for exchange in exchanges if exchange not in outcomes]

@@ -376,7 +376,8 @@ class Tracker:
     def _corrupt(self, stream: Stream, family: Family, packet: Packet, raw: bytes, first: Mark) -> TrafficEvent:
         asked = None
         if stream.direction is not Direction.OUT:
-            asked = next((one for one in self._open if one.family is family), None)
+            open = [one for one in self._open if one.family is family]
+            asked = next((one for one in open if one.id == packet.id), open[0] if open else None)
         if asked is not None:
             asked.spoiled = True
         # Its id may be what is wrong: it counts for a servo that was asked, or is known.
@@ -404,8 +405,9 @@ class Tracker:
             counts.missing += 1
             # Perhaps it was told to answer commands no longer: it is not expected to until it does again.
             self._answers_commands.discard((asked.family.name, asked.id))
-            text = f"NO ANSWER to {asked.text}"
             id = asked.id
+            whose = "" if asked.packet.id == id else f" of {servo(id)}"
+            text = f"NO ANSWER{whose} to {asked.text}"
             yield TrafficEvent(time, Direction.IN, EventKind.SILENCE, text, asked.family, id, b"", None, Trouble.SILENT)
 
     def _counts(self, family: Family, id: int) -> ServoTraffic:

@@ -184,8 +184,22 @@ def test_herkulex_the_two_maps_are_told_apart() -> None:
     assert drs0602(herkulex.Rollback(1)) == "ROLLBACK id 1, keeping nothing"
 
 
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        (0x0A, "MI_JOG (command 0x0a of the DRS-03xx), id 1"),
+        (0x0B, "MS_JOG (command 0x0b of the DRS-03xx), id 1"),
+        (0x0C, "CALSET (command 0x0c of the DRS-03xx), id 1"),
+        (0x4A, "ACK of MI_JOG (command 0x0a of the DRS-03xx), id 1"),
+    ],
+)
+def test_herkulex_commands_of_other_models_are_named(code: int, said: str) -> None:
+    """HerkuleX_manager_MFC, herkulex_protocol.h: multi-turn JOGs and the setting of a zero."""
+    assert DRS0602.family.explain(Packet(1, code, b"\x00\x00"), None, DRS0602) == said
+
+
 def test_herkulex_broken_requests() -> None:
-    assert DRS0602.family.explain(Packet(1, 0x0A), None, DRS0602) == "unknown command 0x0a, id 1"
+    assert DRS0602.family.explain(Packet(1, 0x0D), None, DRS0602) == "unknown command 0x0d, id 1"
     assert DRS0602.family.explain(Packet(254, 7, b"\x00"), None, DRS0602) == "STAT with 1 data bytes, to all"
 
 

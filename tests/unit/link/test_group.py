@@ -105,6 +105,11 @@ class TestOutcomes:
         assert port.requests[1:] == asked
         assert [bus.stats[id].retries for id in (1, 2, 3, 4)] == [0, 1, 0, 0]
 
+    def test_where_none_answers_all_are_asked_alone(self) -> None:
+        bus, port = group(None, said(3, None), THREE, said(2, None), TWO, said(1, None), ONE)
+        assert bus.do(GROUP) == [111, 222, 333]
+        assert port.requests[1:] == [packet for id in (3, 2, 1) for packet in (FENCE[id], sent(read(id)))]
+
     def test_what_is_asked_once_only_is_not_asked_on(self) -> None:
         bus, port = group(ONE)
         assert kinds(bus.do(ONCE)) == [111, NoReply, NoReply]

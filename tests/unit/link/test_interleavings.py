@@ -14,7 +14,7 @@ import pytest
 
 import servobus
 from servobus import Bus, BusError, dynamixel1, herkulex
-from servobus.core.exchange import Batch, Exchange, Pause, Procedure, SetBaud
+from servobus.core.exchange import Batch, Exchange, Pause, Procedure, SetBaud, joined
 from servobus.core.framing import Packet
 from servobus.errors import Stopped
 from servobus.families.dynamixel import protocol as dynamixel_packets
@@ -28,6 +28,7 @@ from unit.link.test_group import SYNC_READ, sync_read
 from unit.link.test_link import Timed
 
 IDS = (1, 2, 3)
+BULK_READ = 0x92
 LOOKS = 2
 """Questions that are asked after a job was broken off."""
 
@@ -55,6 +56,8 @@ class Numbered(Timed):
     def _asked(self, packet: Packet) -> Sequence[int]:
         if self.family == "dynamixel" and packet.code == SYNC_READ:
             return tuple(packet.data[2:])
+        if self.family == "dynamixel" and packet.code == BULK_READ:
+            return tuple(packet.data[2::3])
         return (packet.id,) if packet.id in IDS else ()
 
     def _reply(self, id: int, request: bytes, packet: Packet, after: float) -> None:
@@ -77,7 +80,7 @@ def _number(number: int, size: int) -> bytes:
 
 def _dynamixel(id: int, packet: Packet, number: int) -> bytes | None:
     framing = dynamixel_packets.FRAMING
-    if packet.code == SYNC_READ:
+    if packet.code in (SYNC_READ, BULK_READ):
         return framing.frame(Packet(id, 0, _number(number, 2)))
     message = dynamixel_packets.parse_instruction(packet)
     size = message.length if isinstance(message, dynamixel_packets.ReadData) else 0
@@ -114,6 +117,11 @@ def group(_: str) -> Procedure[Any]:
     return (yield sync_read(*IDS))
 
 
+def together(_: str) -> Procedure[Any]:
+    """What one request can ask of all."""
+    return (yield Batch([dynamixel1.read_data(id, 36, 2, bulk=True) for id in IDS]))
+
+
 def command(family: str) -> Procedure[Any]:
     """What nothing answers, and a question behind it."""
     unanswered = (
@@ -140,6 +148,7 @@ def search(family: str) -> Procedure[Any]:
 JOBS = [
     *((family, job) for family in ("dynamixel", "herkulex") for job in (single, batch, command, speeds, search)),
     ("dynamixel", group),
+    ("dynamixel", together),
 ]
 EVERY_JOB = pytest.mark.parametrize(("family", "job"), JOBS, ids=[f"{family}-{job.__name__}" for family, job in JOBS])
 
@@ -224,12 +233,14 @@ def look_numbered(link: Link, port: Numbered, family: str) -> int:
         for question, found in zip(questions, outcome(link, one_batch(questions)), strict=True):
             came += right(port, question, question.id, found)
         if family == "dynamixel":
-            group = sync_read(*IDS)
-            began = len(port.asked)
-            numbers = outcome(link, group)
-            for id, number in zip(IDS, numbers if isinstance(numbers, list) else [], strict=False):
-                # It may be asked twice, and who answered the first time keeps what it said then.
-                came += right(port, group, id, number, since=began, alone=group.parts[IDS.index(id)])
+            parts = [dynamixel1.read_data(id, 36, 2, bulk=True) for id in IDS]
+            (bulk_read,) = joined(parts)
+            for group, job in ((sync_read(*IDS), None), (bulk_read, one_batch(parts))):
+                began = len(port.asked)
+                numbers = outcome(link, job or group)
+                for id, number in zip(IDS, numbers if isinstance(numbers, list) else [], strict=False):
+                    # It may be asked twice, and who answered the first time keeps what it said then.
+                    came += right(port, group, id, number, since=began, alone=group.parts[IDS.index(id)])
         port.sleep(0.5)
     assert link.state in (LinkState.IDLE, LinkState.CAREFUL, LinkState.UNSURE)
     return came
@@ -247,7 +258,10 @@ def right(
     if isinstance(found, BusError):
         return False
     number = found if isinstance(found, int) else int.from_bytes(found, "little")
-    assert port.asked[number] in [(id, one.request) for one in (exchange, alone) if one is not None]
+    asked, request = port.asked[number]
+    assert asked == id
+    fewer = exchange.request[4] == request[4] == BULK_READ  # one of them had to be asked alone
+    assert fewer or request in [one.request for one in (exchange, alone) if one is not None]
     assert number >= (port.newest(exchange, id) if since is None else since)
     return True
 

@@ -168,7 +168,7 @@ def test_T6_without_a_model_values_are_bytes() -> None:
     ]
 
 
-NUMBER, RX, STRANGE = frame("01 04 02 00 02"), frame("01 04 00 1C 00"), frame("01 04 00 99 00")
+NUMBER, RX, STRANGE = frame("01 04 02 00 02"), frame("01 04 00 1C 00"), frame("01 04 00 24 04")
 POSITION, HERE = frame("01 04 02 24 02"), frame("01 04 00 00 02")
 
 
@@ -201,7 +201,7 @@ def test_T6_it_tells_the_model_of_that_servo_alone() -> None:
 def test_T6_an_unknown_model_stays_unknown() -> None:
     events = watch((0.0, OUT, NUMBER), (0.002, IN, STRANGE), (0.1, OUT, POSITION), (0.102, IN, HERE))
     assert events[1].text == (
-        "status of id 1: ok, address 0: 99 00; id 1 is of model 153, which is not known here: its registers stay bytes"
+        "status of id 1: ok, address 0: 24 04; id 1 is of model 1060, which is not known here: its registers stay bytes"
     )
     assert events[3].text == "status of id 1: ok, address 36: 00 02"
 

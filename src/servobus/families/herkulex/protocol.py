@@ -1,4 +1,4 @@
-"""HerkuleX: requests and ACKs of the DRS-0602, and what one can ask with them.
+"""HerkuleX: requests and ACKs, the same for all models, and what one can ask with them.
 
 Source: DRS-0602 user's manual, chapters 4 to 6; errata EH-01 to EH-42 of this project's notes in
 docs/decisions.md, behaviours H-1 to H-121 of docs/behaviours.md.
@@ -61,6 +61,11 @@ class Code(IntEnum):
     REBOOT = 0x09
 
 
+OTHER_COMMANDS = {0x0A: "MI_JOG", 0x0B: "MS_JOG", 0x0C: "CALSET"}
+"""Commands that the maker's PC tool has for the DRS-03xx, which move over several turns and set a zero (EH-39). All
+models here answer as to an unknown command."""
+
+
 class StatusError(IntFlag):
     """Bits of Status Error (4-2 NO 43). Every one stays until 0 is written there (6-3 Example 2)."""
 
@@ -69,7 +74,7 @@ class StatusError(IntFlag):
     TEMPERATURE = 0x04
     INVALID_PACKET = 0x08
     OVERLOAD = 0x10
-    DRIVER_FAULT = 0x20  # never set on the DRS-0602 (EH-22)
+    DRIVER_FAULT = 0x20  # DRS-0101 and 0201 alone set it (EH-22)
     EEP_DISTORTED = 0x40
 
 
@@ -339,14 +344,18 @@ def parse_ack(packet: Packet) -> Ack:
     if not packet.code & ACK or len(packet.data) < 2:
         raise ValueError(f"command {packet.code:#04x} with {len(packet.data)} data bytes is no ACK")
     error, detail = packet.data[-2:]
-    return Ack(packet.id, _code(packet.code & ~ACK), packet.data[:-2], StatusError(error), StatusDetail(detail))
+    return Ack(
+        packet.id, _code(packet.code & ~ACK, "ACK of "), packet.data[:-2], StatusError(error), StatusDetail(detail)
+    )
 
 
-def _code(value: int) -> Code:
+def _code(value: int, head: str = "") -> Code:
     try:
         return Code(value)
     except ValueError:
-        raise UnknownCommandError(f"unknown command {value:#04x}") from None
+        name = OTHER_COMMANDS.get(value)
+        what = f"{head}{name} (command {value:#04x} of the DRS-03xx)" if name else f"unknown command {value:#04x}"
+        raise UnknownCommandError(what) from None
 
 
 def _pack_jog(jog: Jog) -> bytes:

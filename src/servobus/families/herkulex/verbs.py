@@ -248,6 +248,11 @@ class Herkulex(Family):
                 return
         raise BusError(f"{target} did not brake")
 
+    def known_alarms(self, model: type[Model], alarms: int) -> int:
+        """Only the small models have a bit for a fault of the motor driver (EH-22)."""
+        scale: Any = model.register("status_error").scale
+        return StatusError(alarms & ~scale.unused)
+
     def read_alarms(self, target: ServoRef) -> Procedure[int]:
         """STAT: Status Error, in which every alarm stays until it is cleared (6-3 Example 2)."""
         return (yield from stat(target.id)).status_error

@@ -406,7 +406,7 @@ def test_set_baud_restarts() -> None:
     [
         (Packet(1, 4, b"\x3a\x02"), "RAM_READ id 1: 2 bytes from address 58"),
         (Packet(1, 0x47, b"\x10\x00"), "ACK of STAT from id 1: ALARM overload"),
-        (Packet(1, 0x0A), "unknown command 0x0a"),
+        (Packet(1, 0x0D), "unknown command 0x0d"),
         (Packet(1, 0x5F, OK), "unknown command 0x1f"),
         (Packet(1, 7, b"\x00"), "STAT with 1 data bytes"),
     ],

@@ -25,6 +25,7 @@ class MXTable(DynamixelTable):
     """
 
     series = "MX"
+    answers_together = True  # BULK_READ
     factory_baud = 57_600
     bauds = (*DynamixelTable.bauds, *dict(FAST).values())
 

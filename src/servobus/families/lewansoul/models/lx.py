@@ -32,6 +32,8 @@ class LX16A(LxTable):
         weight=0.052,
         size=(1.78 * INCH, 0.97 * INCH, 1.38 * INCH),
         link="one data wire, half duplex, 8N1, 115200 bit/s",
+        confidence=Confidence.MEDIUM,
+        doubts=("EL-27: other pages have 17 kgf·cm at 7.4 V; no DC motor has both torques that stand here.",),
     )
 
 
