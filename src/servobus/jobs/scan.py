@@ -281,7 +281,7 @@ def find(
     survey = yield from scan(families, bauds, [id], identify=identify)
     if len(survey.found) > 1:
         names = " and ".join(
-            f"{found.model.title if found.model else found.family.title} id {id} at {found.baud}"
+            f"{found.model.named(f'id {id}') if found.model else f'{found.family.title} id {id}'} at {found.baud}"
             for found in survey.found
         )
         ways = " or ".join(dict.fromkeys(f'family="{found.family.name}"' for found in survey.found))

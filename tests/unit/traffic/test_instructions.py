@@ -252,7 +252,7 @@ def test_T6_lewansoul_commands_say_their_units_for_all_models() -> None:
 def test_T6_decode_says_whose_registers_they_are(run: Callable[..., Any]) -> None:  # noqa: F811 - the fixture
     text = run("decode", "FF FF 01 04 02 24 02 D2").stdout
     assert "values are bytes at addresses until the model is known" in " ".join(text.split())
-    assert "LX-16A, the same in all models" in run("decode", "55 55 01 03 1C DF").stdout
+    assert "; all its models have the same registers" in run("decode", "55 55 01 03 1C DF").stdout
 
 
 def test_T3_decode_says_what_is_out_of_range(load: Callable[..., Any]) -> None:  # noqa: F811 - the fixture
