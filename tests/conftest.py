@@ -1,6 +1,7 @@
-"""The option `--all`; tests/samples.py says which models stand for all of them without it."""
+"""The option `--all`; tests/samples.py says which models stand for all of them without it. And an empty home."""
 
 import sys
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
@@ -28,3 +29,11 @@ def pytest_configure(config: pytest.Config) -> None:
     # An example has no time limit of its own: the computer may have more to do than this.
     settings.register_profile("servobus", deadline=None, max_examples=EXAMPLES[extent.everything])
     settings.load_profile("servobus")
+
+
+@pytest.fixture(autouse=True, scope="session")
+def no_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep tests away from what the user has remembered: their configuration folder is an empty one."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CONFIG_HOME", str(tmp_path_factory.mktemp("configuration")))
+        yield

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from servobus.bus.blocking import Bus
 from servobus.core.arguments import check_bauds
-from servobus.errors import UsageError
+from servobus.errors import PortError, UsageError
 from servobus.families.record import SafeAction
 from servobus.jobs.scan import Models, check_models
 from servobus.safety.safe_stop import check_safe_action
@@ -40,7 +40,7 @@ def open(
     safe_action   what a crash does with servos that were driven: "hold" (also by default), "free" or "brake"; see
                   `Servo.safe_action`
     models        what servos are that cannot say it themselves: "lx16a" for all of that family, {3: "lx16a"} for id 3;
-                  an LX servo is taken for an LX-16A else, any other for one of an unknown model
+                  else what `servobus remember` was told, or a model that is not known
 
     Raises PortError if the port is missing, in use or not permitted, UsageError for a name that is no port or no model.
     """
@@ -79,6 +79,23 @@ def transport(port: str | PathLike[str], speeds: tuple[int, ...] | None = None) 
     return SerialPort(port, speeds[0] if speeds else FIRST_BAUD)
 
 
+def lasting_name(port: str) -> tuple[str, str]:
+    """Give the name under which the servos on a port are remembered, and the words for its adapter; opens nothing.
+
+    Raises UsageError for a name that is no port, PortError for one that is not there.
+    """
+    name = _name(port)
+    if name.startswith(VIRTUAL):
+        return name, ""
+    from servobus.transports import usb_adapter  # noqa: PLC0415 - seldom wanted
+
+    about = usb_adapter.access(name)
+    if about is not None and not about.exists:
+        raise PortError(f"{name}: no such port; `servobus ports` lists what is plugged in")
+    adapter = usb_adapter.adapter(name) if usb_adapter.is_wired(name) else None
+    return usb_adapter.lasting_name(name, adapter), str(adapter) if adapter is not None else ""
+
+
 def _name(port: str | PathLike[str]) -> str:
     """Give the name of a port, be it a text or a path. Raises UsageError for anything else."""
     given: object = fspath(port) if isinstance(port, PathLike) else port
@@ -93,4 +110,4 @@ def _name(port: str | PathLike[str]) -> str:
     return given
 
 
-__all__ = ["open", "open_async", "transport"]
+__all__ = ["lasting_name", "open", "open_async", "transport"]

@@ -1,4 +1,4 @@
-"""pylx16a drives virtual LX-16As over a pseudo terminal, each test its own. Its angles are degrees."""
+"""pylx16a drives virtual LX-16As, and an LX-224, over a pseudo terminal, each test its own. Its angles are degrees."""
 
 import math
 import time
@@ -17,7 +17,7 @@ Eventually = Callable[[Callable[[], bool]], None]
 @pytest.fixture(scope="module", autouse=True)
 def port(serve: Serve) -> Iterator[None]:
     # Its 20 ms for an answer are what real servos need; a busy computer may need more.
-    LX16A.initialize(serve("lx16a@1-7"), timeout=0.5)
+    LX16A.initialize(serve("lx16a@1-7,lx224@20"), timeout=0.5)
     yield
     LX16A._controller.close()
     LX16A._controller = None
@@ -103,3 +103,15 @@ def test_motor_mode(eventually: Eventually) -> None:
     assert abs(stopped - here) < 1.5  # it had to brake
     time.sleep(0.2)
     assert one.get_physical_angle() == stopped
+
+
+def test_an_lx_224_is_driven_alike(eventually: Eventually) -> None:
+    one = LX16A(20)
+    assert one.get_id(poll_hardware=True) == 20
+    one.move(200, time=400)
+    eventually(lambda: math.isclose(one.get_physical_angle(), 200, abs_tol=0.5))
+    one.motor_mode(500)
+    assert one.get_motor_speed(poll_hardware=True) == 500
+    one.servo_mode()
+    one.disable_torque()
+    assert one.is_torque_enabled(poll_hardware=True) is False

@@ -13,6 +13,7 @@ from servobus.bus import several
 from servobus.bus.by_servo import ByServo, Readings, pick
 from servobus.bus.known_servos import KnownServos
 from servobus.bus.protection import Protection
+from servobus.bus.remembered import Remembered
 from servobus.bus.servo import Servo
 from servobus.core.arguments import check_bauds, check_mapping, one_or_several
 from servobus.core.closed import Closed
@@ -81,6 +82,8 @@ class BaseBus(Closed, Generic[S]):
         self.models = check_models(models)
         """What servos are that cannot say it themselves: a model, or id -> model."""
         self.transport = transport
+        self.remembered = Remembered(transport.lasting_name)
+        """What is kept of the servos on this port that cannot say what they are."""
         self._port = self._shared(transport)
         """What the link talks through."""
         self._echo = echo
@@ -235,14 +238,16 @@ class BaseBus(Closed, Generic[S]):
         """Tell the model of a servo that reports this number, as far as it can be known.
 
         What the servo says itself comes first, if such a model is known; then what `attach` gave, then `models`, and
-        for one that says nothing what it is known as here. Else its model is unknown: the generic one of its family,
-        which has what all models share, or None if the family has no such model.
+        for one that says nothing what is remembered of it, see servobus.bus.remembered, or what it is known as here.
+        Else its model is unknown: the generic one of its family, which has what all models share, or None if the family
+        has no such model.
         """
         said = registry.identified(family, number)
         attached = self._servos.attached_model(family.name, id, baud)
         told = model_told(self.models, family, id)
+        kept = self.remembered.model(family, id, number)
         before = None if number is not None else self._servos.model_at(family.name, id, baud)
-        return said or attached or told or before or registry.unknown(family, number)
+        return said or attached or told or kept or before or registry.unknown(family, number)
 
     def adopt(self, found: FoundServo) -> S | None:
         """Know a servo that a scan has found, as it was seen then; None for a model that is not known here.
@@ -419,7 +424,8 @@ class BaseBus(Closed, Generic[S]):
         return list(self._servos)
 
     def _guarded(self, servo: S) -> None:
-        """Have a servo ask this bus before it is set in motion, and tell it while it is."""
+        """Have a servo ask this bus before it is set in motion, and tell it while it is, and of a new id."""
+        servo.on_new_id = partial(self.remembered.move, servo.family)
         servo.permit.before_motion = partial(self.safety.about_to_move, servo)
         servo.permit.keep_alive = self.safety.keep_alive
         servo.permit.safe_action = self.safety.chosen

@@ -4,7 +4,7 @@
 out and gives the result, or an awaitable of it.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from enum import IntFlag
 from typing import Any, TypeVar
@@ -55,6 +55,8 @@ class Servo(Closed):
         self.state: Snapshot | None = None
         self.alarms: int = 0
         self.latched: int = 0
+        self.on_new_id: Callable[[int, int], None] = _nothing
+        """Is told the old and the new id when `change_id` has changed it."""
         self._asked: ServoRef | None = None
         self._questions: dict[Register[Any] | str, Exchange[Any]] = {}
         """Questions for single registers, made when first asked, for `_asked`."""
@@ -352,10 +354,14 @@ class Servo(Closed):
         """Give the servo another id. Raises UsageError if some servo answers to it already.
 
         If the line fails on the way the servo is looked for under both ids: BusError says that it has the old one,
-        NoReply that it has neither. The id here is the one under which it was found.
+        NoReply that it has neither. The id here is the one under which it was found. A model that was remembered for
+        the old id goes along.
         """
+        old = self.id
         yield from reconfigure.change_id(self.target, check_id(id))
         self._follow(id, self.baud)
+        if id != old:
+            self.on_new_id(old, id)
 
     @bus_method
     def change_baud(self, baud: int) -> Procedure[None]:
@@ -475,3 +481,7 @@ class Servo(Closed):
             raise
         self.target = replace(self.target, answers=Answers(raw[policy]))
         return result
+
+
+def _nothing(_old: int, _new: int) -> None:
+    """Take no note of a new id."""

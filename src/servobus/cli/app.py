@@ -16,6 +16,8 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
     "Find": {
         "ports": ("reference:ports", "List the serial ports of this computer."),
         "scan": ("scan:scan", "Look for servos on a port."),
+        "remember": ("remember:remember", "Keep which model a servo is that cannot say it."),
+        "forget": ("remember:forget", "Keep no longer which model a servo is."),
     },
     "Look": {
         "doctor": ("doctor:doctor", "Find out what is wrong with a port and its servos."),

@@ -82,7 +82,7 @@ def _whose(names: list[str | None], model: type[Model] | None) -> list[str]:
         if model is not None and model.family.name == name:
             lines.append(f"{family.title}, registers of {model.title}")
         elif family.one_table:
-            lines.append(f"{family.title}, registers of {registry.first_model(family).title}, the same in all models")
+            lines.append(f"{family.title}; all its models have the same registers")
         else:
             lines.append(f"{family.title}; values are bytes at addresses until the model is known, or named by --model")
     return lines

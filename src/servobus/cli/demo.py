@@ -47,7 +47,8 @@ def demo(seconds: float) -> None:
         ]
         for one in buses:
             asked = f"{one.ids[0]}-{one.ids[-1]}"
-            click.echo(f"servobus scan {one.port} --family {one.model.family.name} --ids {asked}")
+            said = f"--family {one.model.family.name}" if one.model.number is not None else f"--model {one.model.key()}"
+            click.echo(f"servobus scan {one.port} {said} --ids {asked}")
             for servo in one.scan():
                 click.echo(f"  {servo}")
         click.echo(f"\nNow they move for {seconds:g} s; Ctrl-C ends it.\n")

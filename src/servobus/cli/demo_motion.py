@@ -45,7 +45,7 @@ class DemoBus:
     failure: BaseException | None = None
 
     def __enter__(self) -> Self:
-        self.bus: Bus = servobus.open(self.port)
+        self.bus: Bus = servobus.open(self.port, models=self.model)
         return self
 
     def __exit__(

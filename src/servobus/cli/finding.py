@@ -6,6 +6,7 @@ from typing import Literal
 
 import servobus
 from servobus import Bus, BusServo
+from servobus.cli.output import note
 from servobus.cli.values import ALL, Ids
 from servobus.core.ids import LAST_ID
 from servobus.errors import NoReply, ServobusError, UnknownName, UsageError
@@ -80,8 +81,10 @@ def rounds_text(rounds: Iterable[tuple[Family, Sequence[int]]]) -> str:
 
 
 def open_port(port: str) -> Bus:
-    """Open a port, for `with`."""
-    return servobus.open(port)
+    """Open a port, for `with`. What is the matter with what is remembered of its servos is noted."""
+    bus = servobus.open(port)
+    bus.remembered.tell = lambda problem: note(f"servobus: {problem}")
+    return bus
 
 
 class Search:

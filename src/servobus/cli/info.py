@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from servobus import BusServo, NoReply
+from servobus.cli.advice import note_unknown
 from servobus.cli.finding import Where, for_each, open_port
 from servobus.cli.options import as_json, on_servos, verb
 from servobus.cli.output import console, json_entries
@@ -36,20 +37,22 @@ def info(port: str, ids: Ids, where: Where, json: bool) -> None:
 
     ID is 1, 1-4,7, several words, or `all`. --json gives a list if several are named, or `all`.
     """
-    first = True
+    shown: list[BusServo] = []
 
     def show_one(servo: BusServo) -> None:
-        nonlocal first
         servo.look()
         raws = _read_all(servo)
-        if not first:
+        if shown:
             click.echo()
-        first = False
+        shown.append(servo)
         _print(servo, raws)
 
     with open_port(port) as bus:
         if not json:
-            for_each(bus, where, ids, show_one)
+            try:
+                for_each(bus, where, ids, show_one)
+            finally:
+                note_unknown(port, [(servo.id, servo.model) for servo in shown])
             return
         with json_entries(several=are_several(ids)) as entries:
             for_each(bus, where, ids, lambda servo: entries.append(_entry(servo)))

@@ -16,6 +16,7 @@ from servobus.cli.values import ALL, IDS, SECONDS, SPEED, split_assignment
 from servobus.core.units import parse, show, shown
 from servobus.core.values import frozen
 from servobus.errors import BadValue, UsageError
+from servobus.families.present import model_name
 from servobus.jobs.move import GRACE
 
 if TYPE_CHECKING:
@@ -207,7 +208,7 @@ def _print_positions(bus: Bus, servos: Sequence[BusServo], angles: Mapping[BusSe
             [
                 {
                     "id": servo.id,
-                    "model": servo.model.key(),
+                    "model": model_name(servo.model),
                     "position": shown(positions[servo], "rad")[0],
                     "goal": shown(angles[servo], "rad")[0],
                     "unit": "°",

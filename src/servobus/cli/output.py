@@ -12,6 +12,7 @@ import click
 
 from servobus import BusServo
 from servobus.core.units import shown
+from servobus.families.present import model_name
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -32,7 +33,7 @@ def print_json(data: Any) -> None:
 
 def which(servo: BusServo) -> dict[str, Any]:
     """Say for programs which servo is meant, among several."""
-    return {"family": servo.family.name, "model": servo.model.key(), "id": servo.id, "baud": servo.baud}
+    return {"family": servo.family.name, "model": model_name(servo.model), "id": servo.id, "baud": servo.baud}
 
 
 def quantity_entry(value: float, unit: str) -> dict[str, Any] | None:

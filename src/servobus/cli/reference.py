@@ -1,34 +1,68 @@
 """`ports`, `models`: what is plugged in, and what is known."""
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import click
 
 from servobus import MODELS
+from servobus.bus import remembered
 from servobus.cli import complete
 from servobus.cli.options import as_json, verb
 from servobus.cli.output import console, note, print_json
+from servobus.cli.remember import who_of
+from servobus.errors import UsageError
 from servobus.families import registry
 from servobus.families.present import figure, model_entry, model_lines, supply_text
+from servobus.transports import usb_adapter
 
 
 @verb("ports", "servobus ports", "servobus ports --json")
 @as_json
 def ports(json: bool) -> None:
-    """List the serial ports of this computer. Opens none of them."""
+    """List the serial ports of this computer, and what is remembered of the servos on each. Opens none of them.
+
+    Ports that are not of this computer, or not plugged in, are listed behind the others if anything is remembered.
+    """
     from serial.tools import list_ports  # noqa: PLC0415 - only this verb needs it
 
-    found = [
-        {"port": port.device, "description": _known(port.description), "hardware": _known(port.hwid)}
-        for port in sorted(list_ports.comports())
-    ]
+    try:
+        kept = remembered.everything()
+    except UsageError as error:
+        kept = {}
+        note(f"servobus: {error}; it is left out")
+    found: list[dict[str, Any]] = []
+    for port in sorted(list_ports.comports()):
+        name = usb_adapter.lasting_name(port.device, usb_adapter.described(port))
+        entry = {"port": port.device, "description": _known(port.description), "hardware": _known(port.hwid)}
+        found.append({**entry, "remembered": _models(kept.pop(name, {}))})
     if json:
         print_json(found)
         return
-    for port in found:
-        click.echo("  ".join(filter(None, (port["port"], port["description"], port["hardware"]))))
+    for one in found:
+        click.echo("  ".join(filter(None, (one["port"], one["description"], one["hardware"]))))
+        _print_remembered(one["remembered"])
     if not found:
         note("no serial port is plugged in; `servobus demo` needs none")
+    for name, table in kept.items():
+        if models := _models(table):
+            click.echo("  ".join(filter(None, (name, table.get(remembered.ADAPTER), "not listed here"))))
+            _print_remembered(models)
+
+
+def _models(table: Mapping[str, str]) -> dict[str, str]:
+    """Give the models in a table of the file of remembered ones, by id."""
+    return {id: name for id, name in table.items() if id != remembered.ADAPTER}
+
+
+def _print_remembered(models: Mapping[str, str]) -> None:
+    by_model: dict[str, list[str]] = {}
+    for id, name in models.items():
+        by_model.setdefault(name, []).append(id)
+    for name, ids in by_model.items():
+        known = MODELS.get(name)
+        click.echo(f"    {who_of(ids, models)}: {known.title if known else name}, remembered")
 
 
 def _known(text: str | None) -> str:

@@ -20,6 +20,7 @@ from servobus.core.present import decoded_json, unit_text
 from servobus.core.registers import Register
 from servobus.core.values import frozen
 from servobus.errors import BusError, NoReply, UsageError
+from servobus.families.present import model_name
 from servobus.jobs.scan import ScanResult, scan
 
 LOOK_PERIOD = 1.0
@@ -159,5 +160,12 @@ class CsvFile:
         for one in samples:
             value = "" if one.shown is None else one.shown
             self._table.writerow(
-                (f"{one.time:.6f}", one.servo.model.key(), one.servo.id, one.name, value, unit_text(one.row))
+                (
+                    f"{one.time:.6f}",
+                    model_name(one.servo.model) or "",
+                    one.servo.id,
+                    one.name,
+                    value,
+                    unit_text(one.row),
+                )
             )

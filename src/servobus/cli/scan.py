@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servobus import Bus
+from servobus.cli.advice import note_unknown
 from servobus.cli.finding import Where, open_port
 from servobus.cli.options import as_json, on_port, verb
 from servobus.cli.output import console, note, print_json, quantity_entry
@@ -75,6 +76,8 @@ def scan(port: str, where: Where, ids: str, json: bool) -> None:
     elif not found and not broken_off:
         hint = "are they powered?" if where.baud == "all" else "are they powered? `--baud all` tries every speed"
         note(f"no servo answers (asked ids {ids}: {where}); {hint}")
+    else:
+        note_unknown(port, [(one.id, one.model) for one in found])
     if broken_off:
         raise click.exceptions.Exit(130)
 

@@ -78,7 +78,7 @@ def options_at(transport: Transport, model: type[Model], id: int) -> dict[str, s
     if not isinstance(transport, VirtualPort):
         return {}
     for servo in transport.servos:
-        if (servo.model, servo.id) == (model, id):
+        if servo.id == id and (servo.model is model or (model.generic and servo.model.family is model.family)):
             known = options_of(type(servo))
             return {name: known[name].kind.show(value) for name, value in sorted(servo.options.items())}
     return {}

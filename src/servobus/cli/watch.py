@@ -13,6 +13,7 @@ from servobus.cli.output import compact, console
 from servobus.cli.samples import CsvFile, Sample, Sampler
 from servobus.core.present import unit_text
 from servobus.errors import BusError
+from servobus.families.present import model_name
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -55,7 +56,12 @@ def _print_lines(samples: Sequence[Sample], *, json: bool) -> None:
     for servo, row in by_servo(samples).items():
         time, error = row[0].time, row[0].error
         if json:
-            entry = {"time": round(time, 6), "family": servo.family.name, "model": servo.model.key(), "id": servo.id}
+            entry = {
+                "time": round(time, 6),
+                "family": servo.family.name,
+                "model": model_name(servo.model),
+                "id": servo.id,
+            }
             if error is not None:
                 entry["error"] = str(error)
             else:

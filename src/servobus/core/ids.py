@@ -46,3 +46,15 @@ def parse_range(text: str, whole: str) -> range:
     if last < first:
         raise UsageError(f"{whole!r}: {text} runs backwards")
     return range(first, last + 1)
+
+
+def shown_ids(ids: Iterable[int]) -> str:
+    """Write ids as they are typed: "id 7", "ids 1-4,7"."""
+    parts: list[list[int]] = []
+    for id in sorted(ids):
+        if parts and id == parts[-1][-1] + 1:
+            parts[-1] = [parts[-1][0], id]
+        else:
+            parts.append([id])
+    text = ",".join("-".join(map(str, part)) for part in parts)
+    return f"id {text}" if text.isdecimal() else f"ids {text}"

@@ -5,7 +5,7 @@ from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from servobus.bus.blocking import Bus, BusServo
-from servobus.core.ids import LAST_ID
+from servobus.core.ids import LAST_ID, shown_ids
 from servobus.doctor.findings import (
     NOISE,
     SHOWN,
@@ -140,7 +140,13 @@ def _list_servos(port: str, found: list[FoundServo]) -> Iterator[Finding]:
     kinds: dict[str, list[int]] = {}
     for one in found:
         kinds.setdefault(one.model.title if one.model else f"unknown {one.family.title}", []).append(one.id)
-    yield Finding(Severity.OK, "servos", "; ".join(f"{title} {id_list(ids)}" for title, ids in kinds.items()))
+    listed = "; ".join(f"{title} {id_list(ids)}" for title, ids in kinds.items())
+    if silent := [one.id for one in found if one.model is not None and registry.never_told(one.model)]:
+        cause = "some cannot say of which model they are; all works but what needs the figures of their makers"
+        mend = command("remember", port, shown_ids(silent).partition(" ")[2], "MODEL")
+        yield Finding(Severity.OK, "servos", listed, cause, (mend,))
+    else:
+        yield Finding(Severity.OK, "servos", listed)
     for one in found:
         if one.model is None:
             what = f"id {one.id} is {one.family.title} model {one.number_text}, not known here"

@@ -16,12 +16,17 @@ def servo_entry(family: Family, model: type[Model] | None, id: int, baud: int, f
     """Say which servo is meant, and what it is; `model` is None if its model number is not known here."""
     return {
         "family": family.name,
-        "model": model.key() if model and not model.generic else None,
+        "model": model_name(model),
         "model_number": model.number if model else None,
         "id": id,
         "baud": baud,
         "firmware": firmware,
     }
+
+
+def model_name(model: type[Model] | None) -> str | None:
+    """Name the model of a servo for programs; None if it is not known."""
+    return None if model is None or model.generic else model.key()
 
 
 def figure(value: float | None, unit: str) -> str:
@@ -76,7 +81,7 @@ def _entry(value: float | None, unit: str) -> dict[str, Any] | None:
 def model_lines(model: type[Model]) -> list[str]:
     """Write the maker's specification in a few lines."""
     if model.generic:
-        return [f"{model.title}: {model.family.title}; --model MODEL tells which it is"]
+        return [f"{model.title}: {model.family.title}; --model MODEL or `servobus remember` tells which it is"]
     spec = model.sheet
     also = f" (also {', '.join(model.names)})" if model.names else ""
     lines = [

@@ -215,13 +215,11 @@ def identified(family: Family, number: int | None) -> type[Model] | None:
 def unknown(family: Family, number: int | None = None) -> type[Model] | None:
     """Give the model that stands for a servo of a family of which no more is known, or no more than a number.
 
-    None for a family that has no such model. Where no servo of a family can say what it is, the first model stands for
-    all, whose table is then that of the family.
+    None for a family that has no such model. A family with a single model, which cannot say what it is, needs none.
     """
-    first = next(models_of(family), None)
-    if first is not None and number is None and all(model.number is None for model in models_of(family)):
-        return first
     generic = GENERIC.get(family.name)
+    if generic is None and number is None and len(models := list(models_of(family))) == 1:
+        return models[0] if models[0].number is None else None
     if generic is None or number is None:
         return generic
     made = _numbered.get((family.name, number))
@@ -233,6 +231,11 @@ def unknown(family: Family, number: int | None = None) -> type[Model] | None:
         }
         made = _numbered[family.name, number] = type(f"{generic.__name__}{number}", (generic,), body)
     return made
+
+
+def never_told(model: type[Model]) -> bool:
+    """Tell whether a servo is of an unknown model because no servo of its family can say what it is."""
+    return model.generic and all(one.number is None for one in models_of(model.family))
 
 
 def models_of(family: Family) -> Iterator[type[Model]]:
@@ -310,6 +313,7 @@ __all__ = [
     "model",
     "models_of",
     "names",
+    "never_told",
     "simulated",
     "unknown",
 ]

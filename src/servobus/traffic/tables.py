@@ -8,7 +8,7 @@ from functools import lru_cache
 from servobus.core.framing import Packet
 from servobus.families.base import Family, Model
 from servobus.families.explain import servo
-from servobus.families.registry import first_model, identified
+from servobus.families.registry import first_model, identified, unknown
 
 REPEATED = 1024
 """Packets whose explanation is kept: programs ask the same again and again."""
@@ -30,7 +30,7 @@ class Tables:
         if self._said is not None:
             return self._said if self._said.family.name == family.name else None
         if family.one_table:
-            return first_model(family)
+            return unknown(family) or first_model(family)
         if not self._told:
             return None
         models = {self._told.get((family.name, id)) for id in family.concerns(packet)}
@@ -58,7 +58,7 @@ class Tables:
         self._told[key] = model
         if model is None:
             return f"; {servo(packet.id)} is of model {number}, which is not known here: its registers stay bytes"
-        return f"; {servo(packet.id)} is a {model.title}: from here on its registers are shown"
+        return f"; {servo(packet.id)} is of model {model.title}: from here on its registers are shown"
 
 
 @lru_cache(maxsize=REPEATED)

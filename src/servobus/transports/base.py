@@ -51,6 +51,11 @@ class Transport(ABC):
         """
         return True
 
+    @property
+    def lasting_name(self) -> str:
+        """The name under which its servos are remembered: that of the adapter, whatever the port is called now."""
+        return self.name
+
     def fileno(self) -> int | None:
         """Give a descriptor that turns readable when bytes arrive, or None if there is no such thing."""
         return None

@@ -137,6 +137,10 @@ class SerialPort(Transport):
         self._open(name)
         self.name = name
 
+    @property
+    def lasting_name(self) -> str:
+        return usb_adapter.lasting_name(self.name, self.adapter)
+
     def fileno(self) -> int | None:
         return None if self._fd == -1 else self._fd
 

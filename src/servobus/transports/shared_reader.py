@@ -28,6 +28,10 @@ class SharedReader(Transport):
     def latency(self) -> float:  # type: ignore[override] # that of the port
         return self._inner.latency
 
+    @property
+    def lasting_name(self) -> str:
+        return self._inner.lasting_name
+
     def write(self, data: bytes) -> None:
         self._inner.write(data)
 

@@ -254,7 +254,7 @@ def adapters() -> list[Adapter]:
     except ImportError:  # a system of which pyserial does not know how it lists its ports
         return []
     try:
-        return [_from(port) for port in list_ports.comports()]
+        return [described(port) for port in list_ports.comports()]
     except (OSError, TypeError, ValueError):  # what pyserial makes of an adapter that is being unplugged
         return []
 
@@ -291,12 +291,26 @@ def find_again(last: Adapter) -> Adapter:
     raise PortError(f"{last.device}: the adapter {last} {why}; there is: {names}")
 
 
+def lasting_name(name: str, adapter: Adapter | None) -> str:
+    """Name what is behind a port so that the name stays when the port is called otherwise.
+
+    That is the serial number of an adapter, or where it is plugged in; of what is no USB adapter the port itself.
+    """
+    if adapter is None or not adapter.usb:
+        return str(Path(name).absolute()) if is_device(name) and ":" not in name else name
+    part = adapter.location.partition(":")[2]
+    if not adapter.serial_number:
+        return f"{adapter.usb} at {adapter.location or name}"
+    return f"{adapter.usb} serial number {adapter.serial_number}" + f", port {part}" * bool(part)
+
+
 def _identity(one: Adapter) -> tuple[int | None, int | None, str, str]:
     """Tell adapters apart, and the ports of one adapter."""
     return one.vid, one.pid, one.serial_number, one.location.partition(":")[2]
 
 
-def _from(port: Any) -> Adapter:
+def described(port: Any) -> Adapter:
+    """Give what pyserial tells of a port."""
     return Adapter(
         port.device, port.vid, port.pid, port.manufacturer or "", port.product or "", port.serial_number or "",
         port.location or "",

@@ -318,7 +318,7 @@ def test_a_register_stands_for_its_name_on_all_models() -> None:
     with servobus.open("virtual:rx28@1,lx16a@2?clock=virtual") as bus:
         bus.scan(ids=[1, 2])
         assert bus.read_all(RX28.present_position) == bus.read_all("present_position")
-        with pytest.raises(UnknownName, match="LX-16A has no register 'punch'"):
+        with pytest.raises(UnknownName, match="LX/HTS bus servo, model unknown has no register 'punch'"):
             bus.read_all(RX28.punch)
 
 

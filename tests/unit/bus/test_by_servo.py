@@ -12,6 +12,7 @@ from servobus.bus.by_servo import ByServo
 from servobus.bus.servo import Servo
 from servobus.core.registers import Register
 from servobus.families.base import Answers
+from servobus.families.lewansoul.models.table import UnknownLx
 from servobus.virtual.device.servo import VirtualServo
 from unit.lossy import ASYNC, SYNC
 
@@ -106,7 +107,10 @@ class TestTwoFamilies:
         seen = bus.read_all("present_position")
         assert len(bus) == len(seen) == 2
         assert set(seen) == {rx, lx}
-        with pytest.raises(UnknownName, match="not unique here: RX-28 id 1 at 57600 and LX-16A id 1 at 115200"):
+        with pytest.raises(
+            UnknownName,
+            match="not unique here: RX-28 id 1 at 57600 and LX/HTS bus servo, model unknown, id 1 at 115200",
+        ):
             seen[1]
         assert list(bus.protect()) == [rx, lx]
 
@@ -155,9 +159,9 @@ class TestTwoFamilies:
         rx, lx = bus.scan(ids=[1, 2])
         rx.torque_on()
         here = [real.position for real in bus.transport.servos]  # type: ignore[attr-defined]
-        with pytest.raises(servobus.TorqueOff, match="LX-16A id 2"):
+        with pytest.raises(servobus.TorqueOff, match="model unknown, id 2"):
             bus.move({rx: 100 * deg, lx: 100 * deg})
-        with pytest.raises(servobus.BadValue, match="LX-16A id 2"):
+        with pytest.raises(servobus.BadValue, match="model unknown, id 2"):
             bus.move({rx: 100 * deg, lx: 500 * deg})
         bus.transport.sleep(1.0)
         assert [real.position for real in bus.transport.servos] == pytest.approx(here)  # type: ignore[attr-defined]
@@ -291,21 +295,21 @@ def test_by_servo_reads_like_a_dict_of_ids_where_they_are_unique() -> None:
 
 
 def test_N13_find_names_both_and_takes_neither() -> None:
-    said = "id 1 is not unique here: RX-28 id 1 at 57600 and LX-16A id 1 at 115200"
+    said = "id 1 is not unique here: RX-28 id 1 at 57600 and LX/HTS bus servo, model unknown, id 1 at 115200"
     with servobus.open("virtual:rx28@1,lx16a@1?clock=virtual") as bus:
         with pytest.raises(UnknownName, match=said):
             bus.find(1)
         assert len(bus) == 0
-        assert bus.find(1, family="lewansoul").model is LX16A
+        assert bus.find(1, family="lewansoul").model is UnknownLx
         assert bus.find(1, bauds=57_600).model is RX28
 
 
 def test_N13_find_does_so_on_an_asynchronous_bus() -> None:
     async def ask() -> None:
         async with servobus.open_async("virtual:rx28@1,lx16a@1?clock=virtual") as bus:
-            with pytest.raises(UnknownName, match="RX-28 id 1 at 57600 and LX-16A id 1"):
+            with pytest.raises(UnknownName, match="RX-28 id 1 at 57600 and LX/HTS bus servo, model unknown, id 1"):
                 await bus.find(1)
-            assert (await bus.find(1, family="lewansoul")).model is LX16A
+            assert (await bus.find(1, family="lewansoul")).model is UnknownLx
 
     asyncio.run(ask())
 

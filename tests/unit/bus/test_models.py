@@ -7,6 +7,7 @@ import pytest
 import servobus
 from servobus import LX16A, RX28, BadValue, UnknownName, UsageError, deg
 from servobus.families import registry
+from servobus.families.lewansoul.models.table import UnknownLx
 from servobus.jobs.scan import Models
 from unit.cli.test_model import AX912, LX924
 
@@ -25,12 +26,12 @@ def more_models() -> Iterator[None]:
 @pytest.mark.parametrize(
     ("models", "expected"),
     [
-        (None, [LX16A, LX16A, RX28]),
+        (None, [UnknownLx, UnknownLx, RX28]),
         ("lx924", [LX924, LX924, RX28]),
         (LX924, [LX924, LX924, RX28]),
-        ({1: "lx924"}, [LX924, LX16A, RX28]),
-        ({2: LX924, 7: "rx28"}, [LX16A, LX924, RX28]),
-        ("ax912", [LX16A, LX16A, RX28]),  # an RX-28 says that it is one
+        ({1: "lx924"}, [LX924, UnknownLx, RX28]),
+        ({1: "lx16a", 2: LX924, 7: "rx28"}, [LX16A, LX924, RX28]),
+        ("ax912", [UnknownLx, UnknownLx, RX28]),  # an RX-28 says that it is one
     ],
 )
 def test_what_cannot_say_it_is_what_it_is_said_to_be(models: Models | None, expected: list[type]) -> None:
@@ -54,7 +55,7 @@ def test_attach_wins_over_guesses_and_the_object_stays() -> None:
         mine = bus.attach(LX924, 1)
         found = bus.scan(family="lewansoul", ids=range(3))
         assert found[0] is mine
-        assert [servo.model for servo in found] == [LX924, LX16A]
+        assert [servo.model for servo in found] == [LX924, UnknownLx]
         assert bus.survey.conflicts == []
         assert mine.state is not None
         mine.torque_on()

@@ -5,7 +5,9 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
+from servobus.bus.remembered import remember
 from servobus.cli.app import app
+from servobus.families import registry
 
 RX = "virtual:rx28@1-3?clock=virtual"
 DRS = "virtual:drs0602@219,220?clock=virtual"
@@ -14,6 +16,12 @@ ALL = {"dynamixel": (RX, 1), "herkulex": (DRS, 219), "lewansoul": (LX, 1)}
 """family -> a port and an id on it"""
 
 Run = Callable[..., Result]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def lx_is_known(no_home: None) -> None:
+    """Remember that the servos on LX are LX-16A: they cannot say so."""
+    remember(LX, "", None, registry.model("lx16a"))
 
 
 @pytest.fixture

@@ -174,14 +174,15 @@ def test_M2_what_is_read_of_the_ids_is_named(refused: Callable[..., str]) -> Non
 def test_N13_an_id_of_two_families_names_neither(refused: Callable[..., str], command: tuple[Any, ...]) -> None:
     verb, *rest = command
     said = refused(verb, SHARED, *rest)
-    assert "id 1 is not unique here: RX-28 id 1 at 57600 and LX-16A id 1 at 115200" in said
+    assert "id 1 is not unique here: RX-28 id 1 at 57600 and LX/HTS bus servo, model unknown, id 1 at 115200" in said
     assert "say which with --family dynamixel or --family lewansoul" in said
 
 
 def test_N13_and_the_family_says_which(load: Callable[..., Any], run: Run) -> None:
-    assert load("info", SHARED, 1, "--family", "lewansoul")["model"] == "lx16a"
+    assert load("info", SHARED, 1, "--family", "lewansoul")["model"] is None
+    assert load("info", SHARED, 1, "--model", "lx16a")["model"] == "lx16a"
     assert load("info", SHARED, 1, "--model", "rx28")["model"] == "rx28"
-    assert "LX-16A id 1" in run("move", SHARED, "1=100", "--family", "lewansoul").stdout
+    assert "model unknown, id 1" in run("move", SHARED, "1=100", "--family", "lewansoul").stdout
 
 
 def test_N13_several_go_on_without_it(run: Run) -> None:

@@ -30,10 +30,10 @@ def test_set_baud(load: Callable[..., Any], refused: Callable[..., str]) -> None
 @every_model
 def test_backup_and_restore(load: Callable[..., Any], refused: Callable[..., str], key: str) -> None:
     port = f"virtual:{key}@1,2?clock=virtual&state=state.json"
-    saved = load("backup", port, 1, "a.toml")
+    saved = load("backup", port, 1, "a.toml", "--model", key)
     assert saved == {"file": "a.toml", "settings": saved["settings"]}
     assert Path("a.toml").read_text().count(" = ") >= saved["settings"] > 5
-    both = load("backup", port, "1,2")
+    both = load("backup", port, "1,2", "--model", key)
     assert [(one["model"], one["id"], one["file"]) for one in both] == [
         (key, id, f"{key}-id{id}.toml") for id in (1, 2)
     ]
@@ -73,7 +73,7 @@ def test_torque(load: Callable[..., Any], run: Run, key: str) -> None:
     port = f"virtual:{key}@1,2?clock=virtual"
     family = MODELS[key].family.name
     assert load("torque", port, 1, "on") == {"torque": True}
-    assert load("torque", port, "1,2", "off") == [
+    assert load("torque", port, "1,2", "off", "--model", key) == [
         {"family": family, "model": key, "id": id, "baud": MODELS[key].factory_baud, "torque": False} for id in (1, 2)
     ]
     told = load("torque", port, "all", "off", "--family", family)

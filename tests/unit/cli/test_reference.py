@@ -1,8 +1,10 @@
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 from serial.tools import list_ports
+from serial.tools.list_ports_common import ListPortInfo
 
 from servobus import MODELS
 from servobus.families.dynamixel.places import Address
@@ -99,21 +101,26 @@ def test_unknown_names(refused: Callable[..., str]) -> None:
     assert "did you mean goal_position" in refused("registers", "rx28", "goal_positon")
 
 
-class FakePort:
-    def __init__(self, device: str, description: str) -> None:
-        self.device, self.description, self.hwid = device, description, "n/a"
-
-    def __lt__(self, other: "FakePort") -> bool:
-        return self.device < other.device
+@pytest.fixture
+def _nothing_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
 
 
+@pytest.mark.usefixtures("_nothing_remembered")
 def test_ports(run: Run, load: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    fakes = [FakePort("/dev/ttyUSB1", "n/a"), FakePort("/dev/ttyUSB0", "USB2Dynamixel")]
+    fakes = [ListPortInfo(f"/dev/ttyUSB{number}", skip_link_detection=True) for number in (1, 0)]
+    fakes[1].description = "USB2Dynamixel"
     monkeypatch.setattr(list_ports, "comports", lambda: fakes)
     assert run("ports").stdout == "/dev/ttyUSB0  USB2Dynamixel\n/dev/ttyUSB1\n"
-    assert load("ports")[0] == {"port": "/dev/ttyUSB0", "description": "USB2Dynamixel", "hardware": ""}
+    assert load("ports")[0] == {
+        "port": "/dev/ttyUSB0",
+        "description": "USB2Dynamixel",
+        "hardware": "",
+        "remembered": {},
+    }
 
 
+@pytest.mark.usefixtures("_nothing_remembered")
 def test_no_ports(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(list_ports, "comports", list)
     result = run("ports")

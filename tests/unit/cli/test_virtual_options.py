@@ -87,10 +87,10 @@ def test_the_console_sets_all_or_none(line: str, why: str) -> None:
 @sample_models
 def test_info_shows_those_of_a_virtual_servo(key: str, load: Callable[..., Any], run: Run) -> None:
     port = f"virtual:{key}@1,answer_time=off?clock=virtual"
-    shown = load("info", port, "1")["options"]
+    shown = load("info", port, "1", "--model", key)["options"]
     assert shown["answer_time"] == "off"
     assert set(shown) == set(options_of(firmware(MODELS[key])))
-    text = run("info", port, "1").stdout
+    text = run("info", port, "1", "--model", key).stdout
     assert "options of this virtual servo" in text
     assert re.search(r"^answer_time +off$", text, re.MULTILINE)
 

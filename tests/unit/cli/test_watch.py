@@ -33,7 +33,7 @@ def test_M1_values_line_by_line_where_there_is_no_terminal(run: Run) -> None:
     assert said.splitlines() == [
         f"    0.{n}0 s  {who}  present_position {angle}  present_temperature 25 °C"
         for n in (0, 2, 4)
-        for who, angle in (("RX-28 id 1", "149.9°"), ("LX-16A id 7", "120.0°"))
+        for who, angle in (("RX-28 id 1", "149.9°"), ("LX/HTS bus servo, model unknown, id 7", "120.0°"))
     ]
 
 
@@ -43,7 +43,7 @@ def test_M1_an_object_a_line(run: Run) -> None:
         {"time": time, "family": family, "model": model, "id": id,
          "registers": {"present_temperature": {"value": 25.0, "unit": "°C"}}}
         for time in (0, 0.25)
-        for family, model, id in (("dynamixel", "rx28", 1), ("lewansoul", "lx16a", 7))
+        for family, model, id in (("dynamixel", "rx28", 1), ("lewansoul", None, 7))
     ]  # fmt: skip
 
 
@@ -120,7 +120,7 @@ def test_M1_options_that_make_no_sense(refused: Callable[..., str], options: lis
 
 
 def test_M1_a_register_that_one_of_them_lacks(refused: Callable[..., str]) -> None:
-    assert "LX-16A has no register 'punch'" in refused("read", ARM, "all", "punch", "--watch")
+    assert "LX/HTS bus servo, model unknown has no register 'punch'" in refused("read", ARM, "all", "punch", "--watch")
 
 
 @posix
@@ -153,7 +153,16 @@ def test_M1_curves_are_printed_where_there_is_no_terminal(run: Run, tmp_path: Pa
     assert lines[0].startswith("   149.9 ° ")
     assert "*" * 69 in lines[0]
     assert any(line.startswith("   120.0 ° ") and "x" * 69 in line for line in lines)
-    assert lines[-2].split("  ") == ["", "", "", "", "", " * RX-28 id 1", " x LX-16A id 7", " "]
+    assert lines[-2].split("  ") == [
+        "",
+        "",
+        "",
+        "",
+        "",
+        " * RX-28 id 1",
+        " x LX/HTS bus servo, model unknown, id 7",
+        " ",
+    ]
     assert lines[-1].split() == ["0.0", "s", "2.0", "s"]
     assert len(rows(file)) == 2 * 101
 

@@ -214,7 +214,7 @@ class TestServos:
             if (stage, done) == ("reading", 1):
                 port.inject("twin")
 
-        findings = wrong(examine("virtual:", SearchPlan(FACTORY, ids=range(4), reads=40), watch))
+        findings = wrong(examine("virtual:", SearchPlan(FACTORY, ids=range(4), reads=40, models=key), watch))
         doubled = [one for one in findings if one.check == "ids"]
         title = MODELS[key].title
         assert [one.what for one in doubled] == [
@@ -253,7 +253,11 @@ class TestHealth:
             # DRS-0602 manual 4-2: 9.5 V is the lowest from the factory.
             ("drs0602@1?voltage=8", Severity.FAIL, "DRS-0602 id 1: 8.0 V is outside 9.5 V .. 17.0 V, the limits set"),
             # The protocol document, point 12: 6500 mV is the lowest from the factory.
-            ("lx16a@1?voltage=6", Severity.FAIL, "LX-16A id 1: 6.0 V is outside 6.5 V .. 12.0 V, the limits set in it"),
+            (
+                "lx16a@1?voltage=6",
+                Severity.FAIL,
+                "LX/HTS bus servo, model unknown, id 1: 6.0 V is outside 6.5 V .. 12.0 V, the limits set in it",
+            ),
         ],
     )
     def test_voltage(self, spec: str, level: Severity, words: str) -> None:
@@ -314,7 +318,7 @@ class TestHealth:
         errors = [finding for finding in visit("rx28@1,lx16a@2?clock=virtual") if finding.check == "errors"]
         assert [(finding.level, finding.what) for finding in errors] == [
             (Severity.OK, "none"),
-            (Severity.UNKNOWN, "LX-16A cannot be asked for them"),
+            (Severity.UNKNOWN, "LX/HTS bus servo, model unknown cannot be asked for them"),
         ]
 
 
@@ -421,7 +425,7 @@ class TestNoise:
     def test_N13_an_id_of_two_families_is_told_as_what_it_is(self) -> None:
         found = told(visit("rx28@1,lx16a@1?clock=virtual"))["ids"]
         assert found.level is Severity.OK
-        assert "id 1 is that of RX-28 and LX-16A: --family tells which is meant" in found.what
+        assert "id 1 is that of RX-28 and LX/HTS bus servo, model unknown: --family tells which is meant" in found.what
 
     def test_T10_a_servo_for_another_supply_is_judged_by_its_own_limits(self) -> None:
         # A high-voltage servo of the LX series at three cells; the protocol takes limits up to 12 V (point 12).
