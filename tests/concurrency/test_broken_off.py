@@ -79,7 +79,7 @@ async def _cancel_at_each(arm: Arm, job: Callable[[Any], Awaitable[Any]]) -> Non
                 if left == 0:
                     victim.cancel()
 
-        for owner, wait in ((bus, "_read"), (bus, "_pause"), (bus.line, "acquire_async")):
+        for owner, wait in ((bus._reader, "read"), (bus, "_pause"), (bus.line, "acquire_async")):
             _counted(owner, wait, count)
         for number in range(1, MOST):
             left = number
@@ -95,6 +95,7 @@ async def _cancel_at_each(arm: Arm, job: Callable[[Any], Awaitable[Any]]) -> Non
                 break
         else:
             pytest.fail("the job never came to its end")
+        assert number > 1, "nothing was broken off"
         await asyncio.sleep(0.02)
         assert polls > before
         other.cancel()
@@ -163,6 +164,7 @@ def test_ctrl_c_at_each_wait(arm: Arm, name: str) -> None:
                     break
             else:
                 pytest.fail("the job never came to its end")
+            assert number > 1, "nothing was broken off"
             assert not wrong
             before = polls
             wait_for(lambda: polls > before)

@@ -142,3 +142,65 @@ def test_T8_a_network_is_given_more_time() -> None:
     bus = Bus(port)
     bus.attach(MODELS["rx28"], 1).ping()
     assert bus.stats.total.timeouts == 0
+
+
+def stand_still(port: VirtualPort, *stalls: tuple[bytes, float]) -> None:
+    """Hold what is sent from these bytes on for some seconds, and then send it on at once: a busy computer."""
+    write, read, sleep = port.write, port.read, port.sleep
+    held: list[bytes] = []
+    until = [-1.0]
+    to_come = dict(stalls)
+
+    def go_on() -> None:
+        if held and port.now() >= until[0]:
+            write(b"".join(held))
+            held.clear()
+
+    def writing(data: bytes) -> None:
+        go_on()
+        for first in [first for first in to_come if first in data]:
+            until[0] = max(until[0], port.now() + to_come.pop(first))
+        if port.now() < until[0]:
+            held.append(data)
+        else:
+            write(data)
+
+    def reading(timeout: float) -> bytes:
+        if held and (left := until[0] - port.now()) < timeout:
+            heard = read(max(left, 0.0))
+            go_on()
+            return heard or read(max(timeout - max(left, 0.0), 0.0))
+        return read(timeout)
+
+    def sleeping(seconds: float) -> None:
+        end = port.now() + seconds
+        if held and until[0] < end:
+            sleep(max(until[0] - port.now(), 0.0))
+            go_on()
+        sleep(max(end - port.now(), 0.0))
+
+    port.write, port.read, port.sleep = writing, reading, sleeping  # type: ignore[method-assign]
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.005, 0.010, 0.020, 0.040])
+@one_model_of_each_family
+def test_T8_a_scan_finds_those_whose_questions_piled_up(key: str, seconds: float) -> None:
+    """A computer that stands still sends several questions at once, so that answers meet; a late one tells of it."""
+    port = connect(f"virtual:{key}@1-15?clock=virtual")
+    ping = MODELS[key].family.ping
+    stand_still(port, (ping(1).request, seconds), (ping(15).request, 0.005))
+    bus = Bus(port)
+    assert [servo.id for servo in bus.scan(family=MODELS[key].family, ids=range(16))] == [*range(1, 16)]
+    assert not bus.survey.troubles
+
+
+@one_model_of_each_family
+def test_T8_a_prompt_line_is_scanned_once(key: str) -> None:
+    port = connect(f"virtual:{key}@1,3?clock=virtual")
+    asked: list[bytes] = []
+    write = port.write
+    port.write = lambda data: (asked.append(data), write(data))[1]  # type: ignore[method-assign,func-returns-value]
+    bus = Bus(port)
+    assert len(bus.scan(family=MODELS[key].family, ids=range(8))) == 2
+    silent = MODELS[key].family.ping(5).request
+    assert sum(data.count(silent) for data in asked) == 1

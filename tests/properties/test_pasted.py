@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from servobus.errors import UsageError
@@ -80,6 +80,7 @@ def test_T5_what_is_marked_as_hexadecimal_reads_back(way: str, data: bytes) -> N
 
 @pytest.mark.parametrize("separator", [" ", ",", ";", ":", "-", "|", "\n", "\t", ", "])
 @given(data=st.binary(min_size=1, max_size=50))
+@example(data=bytes((0, 10, 10, 100)))  # with colons between them they look like a time with milliseconds
 def test_T5_hexadecimal_and_decimal_read_back_if_they_can_be_told(separator: str, data: bytes) -> None:
     text = data.hex(separator[0]).replace(separator[0], separator)
     try:

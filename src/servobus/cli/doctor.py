@@ -1,5 +1,6 @@
 """`doctor`: what is wrong with a port and its servos, why, and what mends it."""
 
+import re
 import textwrap
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
@@ -85,7 +86,12 @@ def _print_finding(finding: Finding) -> None:
 
 
 def _wrap(text: str) -> list[str]:
-    return textwrap.wrap(text, COLUMNS - len(_INDENT), break_long_words=False, break_on_hyphens=False)
+    """Wrap a text at its spaces; a list of speeds such as 57600/115200, too long for a line, at its strokes too."""
+    width = COLUMNS - len(_INDENT)
+    speeds = re.compile(r"[\d/]+,?")
+    long = (len(word) > width and speeds.fullmatch(word) for word in text.split(" "))
+    words = [word.replace("/", "/ ") if cut else word for word, cut in zip(text.split(" "), long, strict=True)]
+    return textwrap.wrap(" ".join(words), width, break_long_words=False, break_on_hyphens=False)
 
 
 def _print_summary(findings: list[Finding]) -> None:

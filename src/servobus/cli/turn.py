@@ -67,6 +67,8 @@ def turn(
                 click.echo(f"{servo.target} takes angles again; it is at {show(here, 'rad')}")
         else:
             _check_option(servo, output, speed)
+            if current is not None:
+                servo.family.check_current(servo.target, current)
             _turn(bus, servo, where, {"output": output, "speed": speed, "current": current}, json=json)
         warn_alarms(servo)
 

@@ -283,10 +283,12 @@ class Lateness:
 
     usual   s by which they usually come later than their bits allow
     servos  the servos, as (framing, id), that have answered after they were given up
+    longest s by which the latest of those since the last such step came later than its bits and its servo allow
     """
 
     usual: float
     servos: frozenset[tuple[Framing, int]]
+    longest: float
 
 
 @frozen

@@ -105,8 +105,8 @@ class Framing(ABC):
         """Take a frame of the right size apart; the flag tells whether its checksum is right."""
 
     def foreign_in(self, raw: bytes) -> str:
-        """Say of which other protocol bytes are that are no packet here; "" if that does not show."""
-        return next((text for header, text in self.foreign.items() if header in raw), "")
+        """Say of which other protocol bytes are that are no packet here; "" if they do not begin as one of those."""
+        return next((text for header, text in self.foreign.items() if raw.startswith(header)), "")
 
     def whole(self, raw: bytes) -> Packet | None:
         """Give the packet if the bytes are one good packet and nothing else."""

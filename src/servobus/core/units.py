@@ -284,8 +284,12 @@ class BaudDivisor(Scale[int]):
     others: tuple[tuple[int, int], ...] = ()
     unit: str = "baud"
 
+    def exact(self, raw: int) -> float:
+        """Give the speed without rounding."""
+        return dict(self.others).get(raw) or self.clock / (raw + 1)
+
     def decode(self, raw: int) -> int:
-        return dict(self.others).get(raw) or round(self.clock / (raw + 1))
+        return round(self.exact(raw))
 
     def encode(self, value: int) -> int:
         if not _number(value) > 0:
@@ -378,7 +382,6 @@ _SHOWN: dict[str, tuple[str, float, int]] = {
     "V": (" V", 1.0, 1),
     "degC": (" °C", 1.0, 0),
     "1": (" %", 0.01, 1),
-    "A": (" A", 1.0, 4),
 }
 _WORDS: dict[str, dict[str, float]] = {
     "rad": {"": deg, "°": deg, "deg": deg, "rad": 1.0, "turn": 2 * math.pi},

@@ -319,10 +319,14 @@ class Family(ABC):
         it does not. Positive is the direction in which the position grows.
         """
 
-    def turn_by_current(self, target: KnownServo, current: float) -> Procedure[None]:  # noqa: ARG002
+    def check_current(self, target: ServoRef, current: float) -> int:  # noqa: ARG002 - most control none
+        """Give a current in A to turn with, raw. Raises UsageError where the servo controls none, or BadValue."""
+        raise cannot(target, "turn with a given current", "it does not control its current")
+
+    def turn_by_current(self, target: KnownServo, current: float) -> Procedure[None]:
         """Turn with a current in A, as long as nothing holds the shaft: torque control. The torque must be on."""
         yield from ()  # a procedure without steps
-        raise cannot(target, "turn with a given current", "it does not control its current")
+        self.check_current(target, current)
 
     @abstractmethod
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:

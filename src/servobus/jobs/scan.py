@@ -133,6 +133,8 @@ LATE = 0.3
 """s for which a scan that heard nothing listens for late answers at its end; assumption: none comes later."""
 STRANGERS = 0.3
 """s in which further answers to a question to all that speak another protocol pass by."""
+SPACING = 0.002
+"""s; no two questions of a scan on one wire leave closer together."""
 GIVE_WAY = Pause(0.0, shared=True)
 """A scan takes seconds: whatever else waits for the line comes first, between any two ids."""
 
@@ -151,12 +153,14 @@ def scan(
 
     `bauds` are speeds for all families, or family -> speeds; None means the factory speeds of each family's models.
     What is found is put into `survey` at once, so it is there even if the scan is broken off. Servos whose answers come
-    after they were given up are asked again, with the patience that this has taught the link; a line on which no servo
-    answers costs `LATE` s once.
+    after they were given up are asked again, with the patience that this has taught the link; and those that were
+    silent while an adapter or a computer stood still, or that fell silent after a first answer. A line on which no
+    servo answers costs `LATE` s once.
     """
     wanted = list(dict.fromkeys(check_id(id) for id in ids))
     rounds = in_order(families, bauds)
     survey = ScanResult() if survey is None else survey
+    known = len(survey.found)
     done = 0
     asked: list[tuple[int, Family]] = []
 
@@ -166,6 +170,7 @@ def scan(
 
     for baud, family in rounds:
         asked.insert(0, (baud, family))
+        answered: set[int] = set()
         yield SetBaud(baud)
         for start in range(0, len(wanted), AT_ONCE):
             some = wanted[start : start + AT_ONCE]
@@ -177,17 +182,24 @@ def scan(
                     done += 1
                     found = None
                     if not isinstance(answer, NoReply):
+                        answered.add(id)
                         found = yield from _met(family, id, baud, survey, identify)
                     tell(family, baud, id, found)
                 some = some[len(answers) :]
         if len(wanted) > LAST_ID:
             yield from _ask_strangers(family, baud, survey)
-        wait = LATE if (baud, family) == rounds[-1] else 0.0
-        yield from _ask_late_ones_again(asked, wait, survey, identify, tell)
+        lateness: Lateness = yield LateAnswers(LATE if (baud, family) == rounds[-1] else 0.0)
+        yield from _ask_late_ones_again(asked, lateness, survey, identify, tell)
+        yield from _ask_lost_ones_again(family, baud, wanted, answered, lateness, survey, identify, tell)
         here = [other for speed, other in rounds if speed == baud]
         if family is here[-1]:
             for other in here:
                 yield Settle(other.framing)
+    # Those that were found at a second look stand where those are that answered at once.
+    found_now = sorted(
+        survey.found[known:], key=lambda one: (rounds.index((one.baud, one.family)), wanted.index(one.id))
+    )
+    survey.found[known:] = found_now
     return survey
 
 
@@ -204,13 +216,12 @@ def _ask_strangers(family: Family, baud: int, survey: ScanResult) -> Procedure[N
 
 def _ask_late_ones_again(
     asked: Sequence[tuple[int, Family]],
-    wait: float,
+    lateness: Lateness,
     survey: ScanResult,
     identify: Identify,
     tell: Callable[[Family, int, int, FoundServo], None],
 ) -> Procedure[None]:
     """Look at the servos whose answers came too late, at each speed at which they were asked, the last one first."""
-    lateness: Lateness = yield LateAnswers(wait)
     survey.late = lateness.usual if lateness.usual > MUCH else 0.0
     for framing, id in sorted(lateness.servos, key=lambda one: one[1]):
         for baud, family in asked:
@@ -220,6 +231,38 @@ def _ask_late_ones_again(
                 break
             yield GIVE_WAY
             yield SetBaud(baud)
+            if found := (yield from _met(family, id, baud, survey, identify)):
+                tell(family, baud, id, found)
+
+
+def _ask_lost_ones_again(
+    family: Family,
+    baud: int,
+    ids: Sequence[int],
+    answered: set[int],
+    lateness: Lateness,
+    survey: ScanResult,
+    identify: Identify,
+    tell: Callable[[Family, int, int, FoundServo], None],
+) -> Procedure[None]:
+    """Look again at those whose answer may have met another one, and at those that fell silent after the first answer.
+
+    Questions keep so far apart that no two answers meet. But an adapter or a computer that stands still sends on at
+    once what has piled up, and then they meet; what tells is that another answer came later than questions are apart.
+    """
+    lost = set(ids) if lateness.longest > SPACING else set(answered)
+    lost -= {one.id for one in survey.found if (one.family, one.baud) == (family, baud)}
+    lost -= {one.id for one in survey.troubles if (one.family, one.baud) == (family, baud)}
+    again = [id for id in ids if id in lost]
+    for start in range(0, len(again), AT_ONCE):
+        some = again[start : start + AT_ONCE]
+        yield GIVE_WAY
+        yield SetBaud(baud)
+        answers = yield Batch([family.ping(id).no_retry() for id in some])
+        for id, answer in zip(some, answers, strict=True):
+            if isinstance(answer, NoReply):
+                continue
+            yield GIVE_WAY
             if found := (yield from _met(family, id, baud, survey, identify)):
                 tell(family, baud, id, found)
 

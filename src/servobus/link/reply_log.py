@@ -39,6 +39,8 @@ class ReplyLog:
         """The last question that was answered."""
         self.came_late: set[tuple[Framing, int]] = set()
         """Servos that have answered after they had been given up."""
+        self.longest_delay = 0.0
+        """s by which the latest answer came later than its bits and its servo allow, since `take_late`."""
         self._asked_all: dict[Framing, float] = {}
         """Until when answers may come to a question to all servos, for which none is waited."""
         self.heard, self.alarmed = heard, alarmed
@@ -86,7 +88,7 @@ class ReplyLog:
         counts.received += 1
         if late is not None:
             counts.worst = max(counts.worst, late)
-            self.latency.note(late)
+            self._note_delay(late, exchange.typical_delay)
         self.answered = exchange
         if self.late_replies:
             self.late_replies.resolve_before(exchange.framing, packet.id, reply, self._transport.now())
@@ -104,7 +106,7 @@ class ReplyLog:
             now = self._transport.now()
             late = now - old.due
             counts.worst = max(counts.worst, late)
-            self.latency.note(late)
+            self._note_delay(late)
             self.came_late.add((framing, packet.id))
             if old.overtaken:
                 self.late_replies.note_overtaken(framing, packet.id, old.given_up, now)
@@ -143,7 +145,12 @@ class ReplyLog:
     def take_late(self) -> Lateness:
         """Tell how late answers come, and of which servos they came too late since the last call."""
         came, self.came_late = self.came_late, set()
-        return Lateness(self.latency.usual_delay, frozenset(came))
+        longest, self.longest_delay = self.longest_delay, 0.0
+        return Lateness(self.latency.usual_delay, frozenset(came), longest)
+
+    def _note_delay(self, late: float, typical: float = 0.0) -> None:
+        self.latency.note(late)
+        self.longest_delay = max(self.longest_delay, late - typical)
 
     # What did not come
 

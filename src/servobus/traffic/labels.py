@@ -22,6 +22,8 @@ ARROWS = {
 }  # fmt: skip
 ARROW = "|".join(sorted(map(re.escape, ARROWS), key=len, reverse=True))
 CLOCK = r"(?:\d{4}-\d\d-\d\d[T ])?(\d{1,2}):(\d\d):(\d\d)(?:(?:[.,]|:(?=\d{3}(?!\d)))(\d+))?(?:Z|[+-]\d\d:?\d\d)?"
+TIME_OR_BYTES = re.compile(r"\d{1,2}:\d\d:\d\d:(\d{3})")
+"""A time with milliseconds, or four decimal bytes: 12:34:56:100. With something behind it, it is a time."""
 SECONDS = r"(\d+\.\d+)\s*(ms|us|µs|s)?"
 UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "s": 1.0, None: 1.0}
 DATE = r"(?:\d{4}[-/]\d\d[-/]\d\d|\d{1,2}[./]\d{1,2}[./]\d{4})"
@@ -97,6 +99,8 @@ def _step(text: str) -> tuple[Label, str] | None:
 def _is_clock(clock: re.Match[str], rest: str) -> bool:
     """Tell a time from bytes that colons join, of which there are more then."""
     hour, minute, second, fraction = int(clock[1]), int(clock[2]), int(clock[3]), clock[4]
+    if TIME_OR_BYTES.fullmatch(clock[0].rstrip(" \t:,;|-")):
+        return bool(rest) and not TIME_OR_BYTES.match(rest)
     if fraction is not None:
         return True
     joined = re.search(r"[0-9a-fA-F]:[0-9a-fA-F]", rest)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from servobus.errors import UsageError
 from servobus.traffic import exports
-from servobus.traffic.labels import Label, direction_of, names_what_follows, strip_label, without_numbers
+from servobus.traffic.labels import TIME_OR_BYTES, Label, direction_of, names_what_follows, strip_label, without_numbers
 from servobus.traffic.recording import Chunk, Direction
 
 HEX, DECIMAL, SIGNED, BINARY = "hexadecimal", "decimal", "signed decimal", "binary"
@@ -186,7 +186,7 @@ def _lines(text: str) -> list[_Line]:
     text = COMMENT.sub(lambda found: "\n" * found[0].count("\n"), STRING.sub(_unquoted, text))
     raws = text.split("\n")
     _one_name(raws)
-    lines, above = [], Label()
+    lines, doubtful, above = list[_Line](), list[_Line](), Label()
     for number, (raw, line) in enumerate(zip(raws, without_numbers(raws), strict=True), 1):
         if offset := OFFSET.match(raw):
             raise UsageError(
@@ -218,7 +218,26 @@ def _lines(text: str) -> list[_Line]:
             rest = _escapes(rest, number)
         words = tuple(rest.split()) if HEX_WORDS.fullmatch(rest) else _words(rest)
         if words:
-            lines.append(_Line(number, label, words, labelled, coded))
+            kind = doubtful if TIME_OR_BYTES.fullmatch(rest) else lines
+            kind.append(_Line(number, label, words, labelled, coded))
+    return _without_times(lines, doubtful)
+
+
+def _without_times(lines: list[_Line], doubtful: list[_Line]) -> list[_Line]:
+    """Tell what lines such as 12:34:56:100 are: bytes where there are no others, times beside hexadecimal bytes.
+
+    Raises UsageError where both may be meant.
+    """
+    if not lines or not doubtful:
+        return lines or doubtful
+    others = {word for line in lines for word in line.words}
+    hexadecimal = any(EXPLICIT.fullmatch(word) or re.search("[a-fA-F]", word) for word in others)
+    if not hexadecimal and all(int(line.words[-1]) <= 255 for line in doubtful):
+        first = doubtful[0]
+        raise UsageError(
+            f"line {first.number}: {':'.join(first.words)!r} may be a time or four decimal bytes; leave it out, or "
+            "write blanks between its bytes"
+        )
     return lines
 
 

@@ -11,7 +11,7 @@ from servobus.traffic.tracker import Tracker
 BYTES_PER_LINE = 16
 WIDTH = 80
 MARGIN = 14
-"""Columns of the time and the direction."""
+"""Columns of the time, up to 9999 s, and the direction."""
 HEX_WIDTH = 3 * BYTES_PER_LINE
 COLUMNS = ("servo", "requests", "answers", "median", "longest", "missing", "corrupt", "other", "errors")
 """Headings of `table`."""
@@ -65,7 +65,7 @@ def event_lines(event: TrafficEvent, *, timed: bool = True) -> tuple[list[str], 
     lines = []
     for at in range(0, len(event.raw), BYTES_PER_LINE):
         row = event.raw[at : at + BYTES_PER_LINE].hex(" ").upper()
-        lines.append(f"{head}{row:<{HEX_WIDTH}}{wait:>{WIDTH - MARGIN - HEX_WIDTH}}".rstrip())
+        lines.append(f"{head}{row:<{HEX_WIDTH}}{wait:>{WIDTH - len(head) - HEX_WIDTH}}".rstrip())
         head, wait = indent, ""
     text = head + event.text
     if len(text) > WIDTH:

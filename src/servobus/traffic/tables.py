@@ -58,7 +58,7 @@ class Tables:
         self._told[key] = model
         if model is None:
             return f"; {servo(packet.id)} is of model {number}, which is not known here: its registers stay bytes"
-        return f"; {servo(packet.id)} is a {model.title}: from here on its registers are shown"
+        return f"; {servo(packet.id)} is of model {model.title}: from here on its registers are shown"
 
 
 @lru_cache(maxsize=REPEATED)

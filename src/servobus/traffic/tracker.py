@@ -198,11 +198,13 @@ class Tracker:
         asked = self._begun(stream, raw)
         if asked is not None:
             return self._cut(asked, stream, raw, first)
+        if foreign := next(filter(None, (family.framing.foreign_in(raw) for family in self._families)), ""):
+            return TrafficEvent(
+                first.time, stream.direction, EventKind.NOISE, f"{len(raw)} bytes of {foreign}", self._family, None, raw
+            )
         self.junk += len(raw)
-        foreign = next(filter(None, (family.framing.foreign_in(raw) for family in self._families)), "")
-        text = f"{junk_text(raw)}: {foreign}" if foreign else junk_text(raw)
         return TrafficEvent(
-            first.time, stream.direction, EventKind.NOISE, text, self._family, None, raw, None, Trouble.JUNK
+            first.time, stream.direction, EventKind.NOISE, junk_text(raw), self._family, None, raw, None, Trouble.JUNK
         )
 
     def _padding(

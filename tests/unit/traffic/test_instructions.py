@@ -181,7 +181,7 @@ def test_T6_a_model_number_in_the_traffic_tells_the_model() -> None:
         "READ_DATA id 1: 2 bytes from address 36",
         "status of id 1: ok, address 36: 00 02",
         "READ_DATA id 1: 2 bytes from address 0",
-        "status of id 1: ok, model_number 28; id 1 is a RX-28: from here on its registers are shown",
+        "status of id 1: ok, model_number 28; id 1 is of model RX-28: from here on its registers are shown",
         "READ_DATA id 1: 2 bytes from address 36, present_position",
         "status of id 1: ok, present_position 150.1°",
     ]
@@ -223,7 +223,7 @@ def test_T6_the_model_of_a_herkulex() -> None:
     tracker = Tracker()
     events = watch((0.0, OUT, ask), (0.003, IN, answer), tracker=tracker)
     assert "model_no1 6, model_no2 2" in events[1].text
-    assert events[1].text.endswith("; id 2 is a DRS-0602: from here on its registers are shown")
+    assert events[1].text.endswith("; id 2 is of model DRS-0602: from here on its registers are shown")
     assert position[5] == 0xB4
 
 

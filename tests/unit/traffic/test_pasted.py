@@ -370,6 +370,8 @@ def test_T5_more_ways_of_writing_bytes(text: str, data: bytes) -> None:
         ("0000000 255 255   1   2   1 251\n0000006\n", "'0000000' is no byte"),
         ("00000000: 11111111 11111111 00000001  ...", "this dump is of bits"),
         ("0000:0000  ff ff 01 02 01 fb", "'0000:0000' looks like an offset"),
+        ("12:34:56:100\n255 255 1 2 1 251", "line 1: '12:34:56:100' may be a time or four decimal bytes; leave it out"),
+        ("1 2 3\nTX: 12:34:56:100", "line 2: '12:34:56:100' may be a time or four decimal bytes"),
     ],
 )
 def test_T5_numbers_that_may_be_no_bytes_are_refused(text: str, why: str) -> None:
@@ -381,3 +383,20 @@ def test_T5_numbers_that_may_be_no_bytes_are_refused(text: str, why: str) -> Non
 def test_T5_what_strace_shows_has_directions() -> None:
     text = '[pid 12] write(3, "\\377\\377\\1\\2\\1\\373", 6) = 6\n[pid 12] read(3, "\\377\\377\\1\\2\\0\\374", 6) = 6'
     assert lines(text) == [(0.0, ">", PING), (0.0, "<", PONG)]
+
+
+@pytest.mark.parametrize(
+    ("text", "data"),
+    [
+        ("0:10:10:100", bytes((0, 10, 10, 100))),
+        ("TX: 0:10:10:100", bytes((0, 10, 10, 100))),
+        ("0:10:10:100\n12:34:56:200", bytes((0, 10, 10, 100, 12, 34, 56, 200))),
+        ("0:10:10:100 12:34:56:200", bytes((0, 10, 10, 100, 12, 34, 56, 200))),
+        ("12:34:56:100\nFF FF 01 02 01 FB", PING),
+        ("12:34:56:789\n255 255 1 2 1 251", PING),
+        ("12:34:56:100 255 255 1 2 1 251", PING),
+        ("2026-01-02 12:34:56:100\n255 255 1 2 1 251", PING),
+    ],
+)
+def test_T5_four_numbers_that_colons_join_are_bytes_or_a_time(text: str, data: bytes) -> None:
+    assert pasted(text).data == data

@@ -45,6 +45,17 @@ def test_a_long_packet_takes_several_lines_and_no_line_is_wide() -> None:
     assert max(map(len, [*lines, *text.split("\n")])) <= 80
 
 
+def test_a_line_is_no_wider_after_hours() -> None:
+    tracker = Tracker(baud=57_600)
+    data = bytes.fromhex("FF FF 01 0E 00") + bytes(12)
+    tracker.feed(Chunk(123_456.0, Direction.OUT, bytes.fromhex("FF FF 01 04 02 18 0C D4")))
+    (answer,) = tracker.feed(Chunk(123_456.1, Direction.IN, data + bytes((~sum(data[2:]) & 0xFF,))))
+    lines, text = event_lines(answer)
+    assert lines[0].startswith("123456.100000 < FF FF 01 0E 00 00")
+    assert lines[0].endswith(" ms")
+    assert max(map(len, [*lines, *text.split("\n")])) <= 80
+
+
 def test_what_it_comes_to() -> None:
     tracker = Tracker(baud=57_600)
     for time, direction, data in (

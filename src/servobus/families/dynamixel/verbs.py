@@ -275,13 +275,14 @@ class Dynamixel1(Family):
         yield from self._end_torque_control(target)
         yield from self._write_raw_speed(target, raw)
 
+    def check_current(self, target: ServoRef, current: float) -> int:
+        goal = target.model.registers.get("goal_torque")
+        return super().check_current(target, current) if goal is None else goal.encode(current)
+
     def turn_by_current(self, target: KnownServo, current: float) -> Procedure[None]:
         """Torque control (ROBOTIS e-manual, MX-64 and MX-106, Torque Ctrl Mode Enable), begun with a current of 0."""
-        rows = target.model.registers
-        if "goal_torque" not in rows:
-            yield from super().turn_by_current(target, current)
-        goal, mode = rows["goal_torque"], rows["torque_control_mode_enable"]
-        raw = goal.encode(current)
+        raw = self.check_current(target, current)
+        goal, mode = map(target.model.register, ("goal_torque", "torque_control_mode_enable"))
         yield from about_to_turn(target)
         (controls,) = yield from self.read(target, [mode])
         if not controls:

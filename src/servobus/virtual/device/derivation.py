@@ -63,8 +63,13 @@ class Sibling:
         return taken_over(name + (f" ({self.why})" if self.why else ""), what)
 
 
-def derive(title: str, sheet: SpecSheet, sibling: Sibling | None) -> MotorSet:
-    """Work out the motor of a model. Raises ValueError for a sheet that lacks a figure, where there is no sibling."""
+def derive(
+    title: str, sheet: SpecSheet, sibling: Sibling | None, friction: tuple[float, str] | None = None
+) -> MotorSet:
+    """Work out the motor of a model; friction is a share of the stall torque, and why it is assumed.
+
+    Raises ValueError for a sheet that lacks a figure, where there is no sibling.
+    """
     points = sheet.performance
     torques = [(at.voltage, at.stall_torque) for at in points if at.stall_torque is not None]
     speeds = [(at.voltage, at.speed) for at in points if at.speed is not None]
@@ -72,6 +77,8 @@ def derive(title: str, sheet: SpecSheet, sibling: Sibling | None) -> MotorSet:
         return _all_of(title, sibling)
     top, nominal = max(volts for volts, _ in torques + speeds), sheet.supply or points[-1].voltage
     share, coulomb_from = _friction(sibling)
+    if friction is not None:
+        share, coulomb_from = friction[0], assumed(f"{friction[0]:.1%} of the stall torque, as {friction[1]}")
     idle = top * share / (1 + share)  # V0: what it takes to overcome the friction
     torque, torque_from = _ratio(torques, idle, nominal, "the stall torque")
     speed, speed_from = _ratio(speeds, idle, nominal, "the speed")

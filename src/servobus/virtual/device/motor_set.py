@@ -105,5 +105,7 @@ class MotorData:
     """The key of the model from which what the sheet does not say is taken over; "" leaves it to the rule."""
     why: str = ""
     """What makes the two alike."""
+    friction: tuple[float, str] | None = None
+    """Share of the stall torque, and why it is assumed; else it is as there."""
     further: Mapping[str, tuple[Performance, ...]] = MappingProxyType({})
     """What other texts print than the one that the sheet follows: name of the text -> its lines."""

@@ -116,7 +116,7 @@ def _missed(params: MotorParams, text: str, point: Performance) -> Iterator[Miss
 
 def _derived(model: type[Model]) -> MotorSet:
     try:
-        return derive(model.title, model.sheet, _sibling(model))
+        return derive(model.title, model.sheet, _sibling(model), motor_data(model).friction)
     except ValueError as error:
         raise UsageError(str(error)) from error
 

@@ -339,3 +339,15 @@ def test_others_control_no_current(key: str) -> None:
     servo = servobus.open(f"virtual:{key}@1?clock=virtual").attach(MODELS[key], 1)
     with pytest.raises(UsageError, match="cannot turn with a given current"):
         servo.turn(current=0.3)
+
+
+@several_turns
+@pytest.mark.parametrize("baud", [2_250_000, 2_500_000, 3_000_000, 57_600])
+def test_a_servo_at_a_speed_above_1_mbit(key: str, baud: int) -> None:
+    servo, _, port = arm(key)
+    servo.change_baud(baud)
+    assert servo.look().position == pytest.approx(90 * deg, abs=1 * deg)
+    assert port.servos[0].baud == pytest.approx(baud, rel=0.01)
+    assert servo.baud == baud
+    servo.reset()
+    assert (servo.id, servo.baud) == (1, MODELS[key].factory_baud)

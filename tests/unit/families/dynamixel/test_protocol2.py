@@ -89,5 +89,12 @@ def test_an_answer_with_that_header_is_told_in_the_error() -> None:
 def test_traffic_of_that_protocol_is_told_as_such() -> None:
     tracker = Tracker()
     events = tracker.feed(Chunk(0.0, Direction.UNKNOWN, bytes.fromhex(ANSWER))) + tracker.finish()
-    (said,) = [event.text for event in events if "JUNK" in event.text]
-    assert said.startswith("JUNK: 14 bytes that are no packet: Dynamixel protocol 2.0, not understood here; ")
+    (event,) = events
+    assert event.text.startswith("14 bytes of Dynamixel protocol 2.0, not understood here; ")
+    assert (event.trouble, tracker.junk) == (None, 0)
+
+
+def test_junk_with_that_header_within_is_junk() -> None:
+    tracker = Tracker()
+    (event,) = tracker.feed(Chunk(0.0, Direction.UNKNOWN, b"\x12\x34" + bytes.fromhex(ANSWER)))
+    assert event.text == "JUNK: 16 bytes that are no packet"

@@ -247,3 +247,11 @@ def test_a_set_without_origins_is_refused() -> None:
     params = MotorParams(gear_ratio=1, torque_constant=1, resistance=1, inertia=1, viscous=0.1)
     with pytest.raises(TypeError, match=r"the origin of .*viscous is not told"):
         motor_set(params, "x", **dict.fromkeys(ALWAYS, assumed("so")))
+
+
+def test_friction_that_is_assumed_takes_the_place_of_the_siblings() -> None:
+    one = derive("New", sheet(Performance(12.0, 1.5, 6.0)), OTHER, (0.05, "so"))
+    assert one.params.coulomb == pytest.approx(0.05 * 1.5)
+    assert one.origins["coulomb"].source is Source.ASSUMED
+    assert stall_torque(one.params, 12.0) == pytest.approx(1.5)
+    assert no_load_speed(one.params, 12.0) == pytest.approx(6.0)

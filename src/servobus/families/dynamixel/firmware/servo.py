@@ -15,11 +15,11 @@ from typing import Any, ClassVar, Protocol
 from servobus.core.framing import Corrupt, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.registers import Register
+from servobus.core.units import BaudDivisor
 from servobus.families.base import Answers, blocks
 from servobus.families.dynamixel.control import OVERLOAD_TIME, strained
 from servobus.families.dynamixel.places import TABLE, Address
 from servobus.families.dynamixel.protocol import (
-    CLOCK,
     FRAMING,
     Action,
     BulkRead,
@@ -218,7 +218,9 @@ class Dynamixel1Servo(VirtualServo):
     def _listen(self) -> None:
         """Receive to what id and baud rate say."""
         self.id = self.get("id")
-        self.baud = CLOCK / (self.get("baud_rate") + 1)
+        scale = self.row("baud_rate").scale
+        assert isinstance(scale, BaudDivisor)
+        self.baud = scale.exact(self.get("baud_rate"))
 
     # Packets
 
