@@ -19,7 +19,7 @@ from servobus.jobs.backup import Backup
 
 class Found:
     def servo(self, key: str) -> servobus.BusServo:
-        return servobus.open(f"virtual:{key}@5?clock=virtual").find(5, family=MODELS[key].family)
+        return servobus.open(f"virtual:{key}@5?clock=virtual", models=key).find(5, family=MODELS[key].family)
 
 
 @models_that(can_turn)
@@ -122,7 +122,7 @@ class TestEveryModel(Found):
             servo._bus.do(servo.family.ping(5))
 
     def test_change_id_to_one_that_is_taken_is_refused(self, key: str) -> None:
-        with servobus.open(f"virtual:{key}@5,6?clock=virtual") as bus:
+        with servobus.open(f"virtual:{key}@5,6?clock=virtual", models=key) as bus:
             servo = bus.find(5, family=MODELS[key].family)
             with pytest.raises(UsageError, match="id 6 is not free"):
                 servo.change_id(6)
@@ -149,7 +149,7 @@ class TestEveryModel(Found):
 
     def test_async_twin(self, key: str) -> None:
         async def main() -> None:
-            async with servobus.open_async(f"virtual:{key}@5?clock=virtual") as bus:
+            async with servobus.open_async(f"virtual:{key}@5?clock=virtual", models=key) as bus:
                 servo = await bus.find(5, family=MODELS[key].family)
                 start = (await servo.look()).position
                 async with servo.torque():
