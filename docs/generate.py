@@ -19,6 +19,7 @@ from servobus.cli.virtual_options import option_entries
 from servobus.core.present import unit_step_text
 from servobus.core.registers import Access, Area, Int, Register
 from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Switch, Thermistor, deg, rpm, show, shown
+from servobus.families import registry
 from servobus.families.base import Model
 from servobus.families.present import differences
 from servobus.virtual.device.motor_set import HEAT, MotorSet
@@ -86,7 +87,7 @@ def index() -> str:
             f"{model.factory_baud} baud",
             len(model.registers),
         )
-        for key, model in sorted(MODELS.items(), key=lambda item: (item[1].family.name, _series_at(item[1])))
+        for key, model in ((model.key(), model) for model in registry.by_series())
     ]
     head = ("Model", "Series", "Protocol", "Maker", "Factory id", "Factory speed", "Registers")
     return _join(
@@ -113,11 +114,6 @@ A number such as ED-08 names a place where the manuals disagree; [decisions](../
 in doubt and what servobus does. A number without the E, such as L-20, is a behaviour of the servo; the
 conformance test of that number checks it.""",
     )
-
-
-def _series_at(model: type[Model]) -> int:
-    """Give the place of a model's series in the list of all models."""
-    return next(n for n, one in enumerate(MODELS.values()) if (one.family, one.series) == (model.family, model.series))
 
 
 # One model

@@ -406,8 +406,8 @@ def ends(model: type[Model]) -> list[int]:
 def slack(model: type[Model]) -> float:
     """Give how far from its goal a servo may come to rest, rad: a degree, and what its compliance or gain leaves free.
 
-    A PID without integral leaves what friction, at most 4 % of the output, holds: an MX has 0.158 of the output a rad and
-    unit of P gain (Rhoban BAM).
+    A PID without integral leaves what friction holds, at most 4 % of the output: an MX gives 0.158 of the output a rad
+    and unit of P gain (Rhoban BAM).
     """
     free = model.register("cw_compliance_margin").default if has(model, "cw_compliance_margin") else 0
     gain = model.register("p_gain").default if has(model, "p_gain") else None

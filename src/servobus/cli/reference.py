@@ -78,7 +78,7 @@ def models(names: tuple[str, ...], json: bool) -> None:
     Confidence is high for the maker's own text or a measurement, medium where several texts of others agree, low for a
     single mention or a figure taken over from a sibling.
     """
-    found = [registry.model(name) for name in names] or list(MODELS.values())
+    found = [registry.model(name) for name in names] or registry.by_series()
     if json:
         from servobus.cli.virtual_motors import motor_entries  # noqa: PLC0415 - virtual servos are slow to import
         from servobus.cli.virtual_options import option_entries  # noqa: PLC0415

@@ -243,6 +243,16 @@ def models_of(family: Family) -> Iterator[type[Model]]:
     return (model for model in MODELS.values() if model.family.name == family.name)
 
 
+def by_series() -> list[type[Model]]:
+    """Give all models, those of one family and series together, each in the order in which they are known."""
+    series = list(dict.fromkeys((model.family.name, model.series) for model in MODELS.values()))
+    families = list(FAMILIES)
+    return sorted(
+        MODELS.values(),
+        key=lambda model: (families.index(model.family.name), series.index((model.family.name, model.series))),
+    )
+
+
 def first_model(family: Family) -> type[Model]:
     """Give the model whose registers are meant where none is named. Raises UnknownName for a family without any."""
     for model in models_of(family):
@@ -305,6 +315,7 @@ __all__ = [
     "RX28",
     "add",
     "bauds",
+    "by_series",
     "factory_bauds",
     "family",
     "first_model",

@@ -1,3 +1,4 @@
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,10 @@ from unit.cli.conftest import Run
 
 def test_models_are_listed(run: Run) -> None:
     lines = run("models").stdout.splitlines()
-    assert [line.split()[0] for line in lines[1:]] == list(MODELS)
+    named = [line.split()[0] for line in lines[1:]]
+    assert sorted(named) == sorted(MODELS)
+    kinds = [(MODELS[name].family.name, MODELS[name].series) for name in named]
+    assert len([kind for kind, _ in itertools.groupby(kinds)]) == len(set(kinds))  # each series stands together
 
 
 def test_models_as_json(load: Callable[..., Any]) -> None:
