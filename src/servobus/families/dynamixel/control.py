@@ -122,6 +122,8 @@ class Steady:
 
 PROPORTIONAL: Final = 0.158
 """Output per rad of error and unit of P gain, as BAM measured it with an oscilloscope (bam/dynamixel/actuator.py)."""
+LEAD: Final = 1.1
+"""Share of full output that the lead of the set point may ask for: more than all, so that the output is all there is."""
 P_UNIT, I_UNIT, D_UNIT = 1 / 8, 1000 / 2048, 4 / 1000
 """One unit of each gain, in the same measure (e-manual, MX-28, PID Gains): the integral per s, the derivative in s."""
 
@@ -156,8 +158,8 @@ class Pid:
         self.integral = scale * i * I_UNIT / P_UNIT * tick
         self.derivative = scale * d * D_UNIT / P_UNIT / tick
         self.punch, self.limit = punch, limit
-        self.most = 1 / self.proportional if self.proportional else 0.0
-        """Units of error at full output."""
+        self.most = LEAD / self.proportional if self.proportional else 0.0
+        """Units by which the set point leads at most."""
 
     def aim(self, goal: float, step: float, acceleration: float) -> None:
         """Go to a goal in units, infinite for turning without end, by at most `step` units per tick.
