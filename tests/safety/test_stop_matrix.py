@@ -74,6 +74,10 @@ def group_move(scene: Scene) -> None:
 
 
 def turn(scene: Scene) -> None:
+    """Turn without end; a model that cannot goes to a goal."""
+    if not scene.model.turns:
+        move(scene)
+        return
     for servo in scene.servos:
         result_of(servo.turn(**turning(scene.model)))
 
@@ -183,7 +187,8 @@ def unknown_model(scene: Scene) -> None:
     """What they are is not known, but for their family."""
     model = registry.unknown(scene.model.family, 65_001)
     assert model is not None
-    scene.servos = [scene.bus.attach(model, id, answers=scene.servos[0].target.answers) for id in (1, 2)]
+    baud, answers = scene.servos[0].baud, scene.servos[0].target.answers
+    scene.servos = [scene.bus.attach(model, id, baud=baud, answers=answers) for id in (1, 2)]
 
 
 FAULTS: list[Callable[[Scene], None]] = [

@@ -66,7 +66,7 @@ def test_S2_one_a_little_outside_its_limits_is_held_at_the_nearest_allowed_angle
     assert (str(outcome), outcome.let_go) == (f"held at {row.show(angle)}", False)
     assert stands(servo._bus.transport)
     assert real.torque
-    assert -1.5 * deg - servo.model.sheet.resolution <= real.position - before <= 0.5 * deg
+    assert -1.5 * deg - MODELS[key].sheet.resolution <= real.position - before <= 0.5 * deg
 
 
 @sample_models
