@@ -64,7 +64,8 @@ def turn(
             if json:
                 print_json({"turning": False, "position": quantity_entry(here, "rad")})
             else:
-                click.echo(f"{servo.target} takes angles again; it is at {show(here, 'rad')}")
+                now = "takes angles of several turns" if multi else "takes angles again"
+                click.echo(f"{servo.target} {now}; it is at {show(here, 'rad')}")
         else:
             _check_option(servo, output, speed)
             if current is not None:

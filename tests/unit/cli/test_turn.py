@@ -21,7 +21,7 @@ def test_an_mx_turns_at_a_speed_and_says_how_to_come_back(run: Run) -> None:
 
 
 def test_goals_of_several_turns(run: Run, load: Callable[..., Any]) -> None:
-    assert run("turn", MX, 1, "--multi").stdout == "MX-28 id 1 takes angles again; it is at 180.0°\n"
+    assert run("turn", MX, 1, "--multi").stdout == "MX-28 id 1 takes angles of several turns; it is at 180.0°\n"
     told = load("turn", MX, 1, "--multi")
     assert (told["turning"], told["position"]["unit"]) == (False, "°")
     assert told["position"]["value"] == pytest.approx(180, abs=0.1)
