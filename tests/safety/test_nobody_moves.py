@@ -317,6 +317,8 @@ ASKING_LINES: dict[str, list[str]] = {
     "plot": ["1 present_position --seconds 0.3"],
     "backup": ["1 -"],
     "sniff": [""],
+    "remember": ["1 lx16a", "all lx16a"],
+    "forget": ["", "1"],
 }
 """verb -> what is said behind the port, for those that change nothing in a servo"""
 

@@ -245,7 +245,10 @@ def joined(exchanges: Sequence[Exchange[Any]]) -> list[GroupExchange[Any]]:
 
 @frozen
 class SetBaud:
-    """Step of a procedure: talk at this speed from here on, to the end of the job or the next such step."""
+    """Step of a procedure: talk at this speed from here on, to the end of the job or the next such step.
+
+    The result tells whether the speed on the wire is set elsewhere, so that all speeds are the same here.
+    """
 
     baud: int
 

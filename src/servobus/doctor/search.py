@@ -21,7 +21,7 @@ from servobus.doctor.findings import (
 from servobus.errors import DuplicateId, Garbled, OtherProtocol
 from servobus.families import registry
 from servobus.families.base import Answers, Family
-from servobus.jobs.scan import LATE, FoundServo, Models, ScanProblem, ScanProgress, in_order
+from servobus.jobs.scan import LATE, FoundServo, Models, ScanProblem, ScanProgress, in_order, one_of_each_family
 
 Rounds = Sequence[tuple[Family, tuple[int, ...]]]
 """Families to ask, each with its speeds."""
@@ -90,7 +90,6 @@ def search(
 
 def _scan(bus: Bus, rounds: Rounds, ids: Sequence[int], watch: Watcher, *, until_found: bool = False) -> SearchResult:
     result = SearchResult()
-    total = len(ids) * sum(len(bauds) for _, bauds in rounds)
     done = 0
 
     def tell(_: ScanProgress) -> None:
@@ -103,7 +102,11 @@ def _scan(bus: Bus, rounds: Rounds, ids: Sequence[int], watch: Watcher, *, until
         speeds.setdefault(family.name, []).extend(bauds)
     # All are asked in the order of a scan; of several guesses the likely ones come first.
     likely = [(baud, family) for family, bauds in rounds for baud in bauds]
-    for baud, family in likely if until_found else in_order([family for family, _ in rounds], speeds):
+    order = likely if until_found else in_order([family for family, _ in rounds], speeds)
+    if bus.transport.baud_elsewhere:
+        order = one_of_each_family(order)
+    total = len(ids) * len(order)
+    for baud, family in order:
         result.servos += bus.scan(family=family, bauds=[baud], ids=ids, watch=tell)
         result.found += bus.survey.found
         result.troubles += bus.survey.troubles

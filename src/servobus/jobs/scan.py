@@ -152,6 +152,7 @@ def scan(
     """Ask every id of every family at every speed whether it is there, each once. Moves nothing, changes nothing.
 
     `bauds` are speeds for all families, or family -> speeds; None means the factory speeds of each family's models.
+    Where the speed on the wire is set elsewhere, each family is asked once, at the slowest of them.
     What is found is put into `survey` at once, so it is there even if the scan is broken off. Servos whose answers come
     after they were given up are asked again, with the patience that this has taught the link; and those that were
     silent while an adapter or a computer stood still, or that fell silent after a first answer. A line on which no
@@ -159,6 +160,8 @@ def scan(
     """
     wanted = list(dict.fromkeys(check_id(id) for id in ids))
     rounds = in_order(families, bauds)
+    if rounds and (yield SetBaud(rounds[0][0])):  # at any other speed the same servos would answer again
+        rounds = one_of_each_family(rounds)
     survey = ScanResult() if survey is None else survey
     known = len(survey.found)
     done = 0
@@ -281,6 +284,14 @@ def in_order(
         for baud in (bauds[family.name] if isinstance(bauds, Mapping) else bauds or registry.factory_bauds(family))
     }
     return sorted(rounds, key=lambda item: (item[0], not item[1].full_duplex))
+
+
+def one_of_each_family(rounds: Iterable[tuple[int, Family]]) -> list[tuple[int, Family]]:
+    """Give the first of the rounds of each family, for a line on which all speeds are the same."""
+    first: dict[Family, int] = {}
+    for baud, family in rounds:
+        first.setdefault(family, baud)
+    return [(baud, family) for family, baud in first.items()]
 
 
 def _met(family: Family, id: int, baud: int, survey: ScanResult, identify: Identify) -> Procedure[FoundServo | None]:

@@ -186,6 +186,8 @@ class Link:
             return (yield from self.transact(step))
         if isinstance(step, Batch):
             return (yield from self._asking.batch(step))
+        if isinstance(step, SetBaud):
+            return self.transport.baud_elsewhere
         if isinstance(step, Now):
             return self.transport.now()
         if isinstance(step, LateAnswers):

@@ -20,6 +20,8 @@ class Transport(ABC):
     """Seconds that a reply may be late for reasons of the adapter and the system, not of the servo."""
     timed: bool = False
     """Whether bytes surely take the time here that the speed says: no answer can come sooner than its bits allow."""
+    baud_elsewhere: bool = False
+    """Whether the speed on the wire is set by what serves this port (TCP): `set_baud` changes nothing on the wire."""
 
     @abstractmethod
     def write(self, data: bytes) -> None:

@@ -53,6 +53,7 @@ class SerialPort(Transport):
 
     def __init__(self, name: str, baud: int) -> None:
         self.name, self.baud = name, baud
+        self.baud_elsewhere = name.startswith("socket://")
         self.adapter: Adapter | None = None
         """What is known about the adapter; as it was when the port was opened."""
         self.low_latency = False

@@ -14,7 +14,7 @@ class SharedReader(Transport):
 
     def __init__(self, inner: Transport) -> None:
         self._inner = inner
-        self.name, self.timed = inner.name, inner.timed
+        self.name, self.timed, self.baud_elsewhere = inner.name, inner.timed, inner.baud_elsewhere
         self._reading = threading.Lock()
         """Held while a thread reads."""
         self._kept = b""

@@ -91,6 +91,7 @@ class TapTransport(Transport):
     baud: Any = _Inner()
     latency: Any = _Inner()
     timed: Any = _Inner()
+    baud_elsewhere: Any = _Inner()
     lasting_name: Any = _Inner()
 
     def __init__(self, inner: Transport, told: Callable[[Entry], object], *, heard: Direction = Direction.IN) -> None:

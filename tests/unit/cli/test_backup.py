@@ -205,15 +205,15 @@ def test_T4_a_damaged_file_is_named_by_line_and_key(run: Run, refused: Callable[
     run("backup", RX, 1, "rx.toml")
     text = Path("rx.toml").read_text()
     Path("bad.toml").write_text(text.replace("max_torque = 1023", "max_torque = 10x3"))
-    assert "bad.toml: this is not a backup file, or it is damaged: line 16 (max_torque = 10x3" in refused(
+    assert "bad.toml: this is not a backup file, or it is damaged: line 17 (max_torque = 10x3" in refused(
         "restore", RX, 1, "bad.toml"
     )
     Path("bad.toml").write_text(text.replace("max_torque = 1023", "max_torque = 102.3"))
-    assert "max_torque in line 16 is 102.3" in refused("restore", RX, 1, "bad.toml")
+    assert "max_torque in line 17 is 102.3" in refused("restore", RX, 1, "bad.toml")
     Path("bad.toml").write_text("")
     assert refused("restore", RX, 1, "bad.toml") == "servobus: bad.toml: the file is empty: it holds no backup\n"
     Path("bad.toml").write_bytes(text.encode().replace(b"alarm_led = 36", b"alarm_led = \xff"))
-    assert "line 18 is no text" in refused("restore", RX, 1, "bad.toml")
+    assert "line 19 is no text" in refused("restore", RX, 1, "bad.toml")
 
 
 def test_T4_a_backup_of_another_id_is_asked_about(run: Run) -> None:

@@ -73,7 +73,8 @@ def test_M12_models_and_families() -> None:
         assert offered(*words) == list(MODELS)
     for words in (("read", "arm", "--family", ""), ("decode", "--family", "")):
         assert offered(*words) == list(FAMILIES)
-    assert offered("virtual", "rx") == ["rx28@1"]
+    assert offered("virtual", "rx") == [f"{name}@1" for name in MODELS if name.startswith("rx")]
+    assert {"rx10@1", "rx24f@1", "rx28@1", "rx64@1"} == set(offered("virtual", "rx"))
 
 
 @pytest.mark.parametrize("verb", ["read", "plot"])

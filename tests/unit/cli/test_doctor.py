@@ -27,7 +27,9 @@ def test_cause_first_then_the_command(run: Run) -> None:
     ]
     assert lines[-1] == "2 wrong"
     # What it says mends it is a command that there is: the heat is still there, so the error comes back.
-    run("write", port, 219, "status_error=0", "status_detail=0")
+    written = run("write", port, 219, "status_error=0", "status_detail=0", code=1)
+    assert "status_error   temperature -> temperature" in written.stdout
+    assert "DRS-0602 id 219 did not take status_error = none: it is temperature" in written.stderr
 
 
 def test_all_speeds_are_tried_if_nobody_answers(run: Run) -> None:

@@ -9,11 +9,11 @@ import pytest
 from unit.cli.conftest import Run
 
 UNKNOWN = {
-    # An MX-28 has the number 29: ROBOTIS e-manual. A DRS-0102 reports 01 02.
-    "dynamixel": ("virtual:rx28@1,model_number=29?clock=virtual", "Dynamixel servo, model 29, id 1"),
+    # An XL430-W250 has the number 1060: ROBOTIS e-manual. A DRS-0102 reports 01 02.
+    "dynamixel": ("virtual:rx28@1,model_number=1060?clock=virtual", "Dynamixel servo, model 1060, id 1"),
     "herkulex": ("virtual:drs0602@1,model_no1=1,model_no2=2?clock=virtual", "HerkuleX servo, model 0102, id 1"),
 }
-MUTE = "virtual:rx28@1,model_number=29,status_return_level=0?clock=virtual"
+MUTE = "virtual:rx28@1,model_number=1060,status_return_level=0?clock=virtual"
 ONE = pytest.mark.parametrize(("port", "name"), UNKNOWN.values(), ids=UNKNOWN)
 
 

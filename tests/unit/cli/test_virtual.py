@@ -56,6 +56,11 @@ def test_a_tcp_port(load: Callable[..., Any]) -> None:
     with served("rx28@3", "--tcp", "127.0.0.1:0") as port:
         assert port.startswith("socket://127.0.0.1:")
         assert load("read", port, 3, "id", "--family", "dynamixel")["id"]["value"] == 3
+        # The speed of a TCP port is set elsewhere: a servo answers at whatever speed, and is one servo nevertheless.
+        for options in (("--family", "dynamixel"), ("--family", "dynamixel", "--baud", "all")):
+            assert [found["id"] for found in load("scan", port, "--ids", "0-4", *options)] == [3]
+        said = {one["check"]: one["what"] for one in load("doctor", port, "--ids", "0-4", "--reads", 10)}
+        assert said["servos"] == "RX-28 id 3"
 
 
 def test_a_tcp_port_needs_no_host() -> None:

@@ -16,6 +16,7 @@ import pytest
 
 from servobus import MODELS
 from servobus.cli.canvas import MARKS, Curve, Panel, draw
+from servobus.families import registry
 from unit.cli.conftest import Run
 from unit.served import Arm
 
@@ -87,15 +88,16 @@ def test_M1_who_is_not_there_at_the_start_joins_in(run: Run, tmp_path: Path, key
     port = f"virtual:rx28@1,{key}@2?clock=virtual&faults=unplug@2:2s"
     file = tmp_path / "a.csv"
     command = (port, "1,2", "present_temperature", "--seconds", 8, "--csv", file)
+    title = registry.GENERIC["lewansoul"].named("id 2") if key == "lx16a" else f"{MODELS[key].title} id 2"
     result = run("read", *command, "--watch")
     assert "no servo answers to id 2" in result.stderr
-    assert f"{MODELS[key].title} id 2: answers now" in result.stderr
+    assert f"{title}: answers now" in result.stderr
     kept = rows(file)
     assert [row["value"] for row in kept if row["id"] == "1"][:1] == ["25.0"]
     joined = [float(row["time"]) for row in kept if row["id"] == "2" and row["value"]]
     assert 0.5 < joined[0] < 6.0
     file.unlink()
-    assert f"x {MODELS[key].title} id 2" in run("plot", *command).stdout
+    assert f"x {title}" in run("plot", *command).stdout
 
 
 @pytest.mark.parametrize("verb", [("read", "--watch"), ("plot",)])
