@@ -245,7 +245,10 @@ def joined(exchanges: Sequence[Exchange[Any]]) -> list[GroupExchange[Any]]:
 
 @frozen
 class SetBaud:
-    """Step of a procedure: talk at this speed from here on, to the end of the job or the next such step."""
+    """Step of a procedure: talk at this speed from here on, to the end of the job or the next such step.
+
+    It tells whether the port has no speed, so that this changes nothing on the line.
+    """
 
     baud: int
 

@@ -130,7 +130,8 @@ AT_ONCE = 32
 MUCH = 0.02
 """s; a USB adapter that hands answers over after 16 ms is not worth telling."""
 LATE = 0.3
-"""s for which a scan that heard nothing listens for late answers at its end; assumption: none comes later."""
+"""s for which a scan that heard nothing listens for late answers, at its end and before it asks the same family at
+another speed; assumption: none comes later."""
 STRANGERS = 0.3
 """s in which further answers to a question to all that speak another protocol pass by."""
 SPACING = 0.002
@@ -152,10 +153,11 @@ def scan(
     """Ask every id of every family at every speed whether it is there, each once. Moves nothing, changes nothing.
 
     `bauds` are speeds for all families, or family -> speeds; None means the factory speeds of each family's models.
+    Where the speed is not set here, each family is asked at the first of them alone.
     What is found is put into `survey` at once, so it is there even if the scan is broken off. Servos whose answers come
     after they were given up are asked again, with the patience that this has taught the link; and those that were
     silent while an adapter or a computer stood still, or that fell silent after a first answer. A line on which no
-    servo answers costs `LATE` s once.
+    servo answers costs `LATE` s once, and once more for each further speed of a family.
     """
     wanted = list(dict.fromkeys(check_id(id) for id in ids))
     rounds = in_order(families, bauds)
@@ -168,12 +170,17 @@ def scan(
         if watch is not None:
             watch(ScanProgress(done, len(rounds) * len(wanted), family, baud, id, found))
 
-    for baud, family in rounds:
-        asked.insert(0, (baud, family))
+    for n, (baud, family) in enumerate(rounds):
         answered: set[int] = set()
-        yield SetBaud(baud)
-        for start in range(0, len(wanted), AT_ONCE):
-            some = wanted[start : start + AT_ONCE]
+        speedless: bool = yield SetBaud(baud)
+        to_ask = wanted
+        if speedless and any(other is family for _, other in asked):
+            to_ask = []  # the same servos would answer again
+            done += len(wanted)
+        else:
+            asked.insert(0, (baud, family))
+        for start in range(0, len(to_ask), AT_ONCE):
+            some = to_ask[start : start + AT_ONCE]
             while some:
                 # A scan mostly meets silence: it does not ask twice, but where something was heard.
                 answers = yield Batch([family.ping(id).no_retry() for id in some], yields=True)
@@ -186,11 +193,14 @@ def scan(
                         found = yield from _met(family, id, baud, survey, identify)
                     tell(family, baud, id, found)
                 some = some[len(answers) :]
-        if len(wanted) > LAST_ID:
+        if len(to_ask) > LAST_ID:
             yield from _ask_strangers(family, baud, survey)
-        lateness: Lateness = yield LateAnswers(LATE if (baud, family) == rounds[-1] else 0.0)
+        # A late answer at one speed of a family would be taken for one at its next speed.
+        later = rounds[n + 1 :]
+        waits = not later or any(other is family for _, other in later)
+        lateness: Lateness = yield LateAnswers(LATE if waits else 0.0)
         yield from _ask_late_ones_again(asked, lateness, survey, identify, tell)
-        yield from _ask_lost_ones_again(family, baud, wanted, answered, lateness, survey, identify, tell)
+        yield from _ask_lost_ones_again(family, baud, to_ask, answered, lateness, survey, identify, tell)
         here = [other for speed, other in rounds if speed == baud]
         if family is here[-1]:
             for other in here:

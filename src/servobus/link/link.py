@@ -188,6 +188,8 @@ class Link:
             return (yield from self._asking.batch(step))
         if isinstance(step, Now):
             return self.transport.now()
+        if isinstance(step, SetBaud):
+            return not self.transport.has_speed
         if isinstance(step, LateAnswers):
             wait = 0.0 if self.latency.answers else step.wait
             yield from self._listen_late(self.transport.now() + wait)

@@ -18,6 +18,8 @@ class Transport(ABC):
     baud: int
     latency: float = 0.0
     """Seconds that a reply may be late for reasons of the adapter and the system, not of the servo."""
+    has_speed: bool = True
+    """Whether the speed of the line is set here; where it is not, as behind a TCP port, servos answer at any."""
     timed: bool = False
     """Whether bytes surely take the time here that the speed says: no answer can come sooner than its bits allow."""
 

@@ -170,6 +170,7 @@ class SerialPort(Transport):
         if wired:
             _keep_others_out(self._fd)
         self.latency = NETWORK_LATENCY if url else LATENCY
+        self.has_speed = not name.startswith("socket://")
         self.low_latency = _ask_for_low_latency(port)
         if wired:
             self.adapter = usb_adapter.adapter(name)

@@ -25,6 +25,10 @@ class SharedReader(Transport):
         return self._inner.baud
 
     @property
+    def has_speed(self) -> bool:  # type: ignore[override] # that of the port
+        return self._inner.has_speed
+
+    @property
     def latency(self) -> float:  # type: ignore[override] # that of the port
         return self._inner.latency
 

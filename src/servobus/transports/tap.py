@@ -89,6 +89,7 @@ class TapTransport(Transport):
 
     name: Any = _Inner()
     baud: Any = _Inner()
+    has_speed: Any = _Inner()
     latency: Any = _Inner()
     timed: Any = _Inner()
     lasting_name: Any = _Inner()

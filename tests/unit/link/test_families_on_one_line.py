@@ -40,7 +40,9 @@ def found(bus: Bus) -> set[Place]:
 
 @pytest.fixture
 def drawer() -> Iterator[Bus]:
-    with servobus.open("virtual:rx28@0,85,219,253,drs0602@2,7,100,219,lx16a@5,219?clock=virtual") as bus:
+    with servobus.open(
+        "virtual:rx28@0,85,219,253,drs0602@2,7,100,219,lx16a@5,219?clock=virtual", models="lx16a"
+    ) as bus:
         yield bus
 
 
@@ -52,7 +54,7 @@ def test_N1_a_scan_of_all_ids_finds_each_where_it_is(drawer: Bus) -> None:
 
 
 def test_N1_a_scan_at_several_speeds_finds_each_where_it_is() -> None:
-    with servobus.open("virtual:rx28@85,219,drs0602@2,219,lx16a@5?clock=virtual") as bus:
+    with servobus.open("virtual:rx28@85,219,drs0602@2,219,lx16a@5?clock=virtual", models="lx16a") as bus:
         places = placed(bus, [115_200, 57_600, 1_000_000])
         bus.scan(bauds=(57_600, 115_200, 1_000_000), ids=(2, 5, 85, 219))
         assert found(bus) == places

@@ -123,7 +123,7 @@ class Steady:
 PROPORTIONAL: Final = 0.158
 """Output per rad of error and unit of P gain, as BAM measured it with an oscilloscope (bam/dynamixel/actuator.py)."""
 LEAD: Final = 1.1
-"""Share of full output that the lead of the set point may ask for: more than all, so that the output is all there is."""
+"""Share of full output that the lead of the set point may ask for: more than all, so the output is all there is."""
 P_UNIT, I_UNIT, D_UNIT = 1 / 8, 1000 / 2048, 4 / 1000
 """One unit of each gain, in the same measure (e-manual, MX-28, PID Gains): the integral per s, the derivative in s."""
 
