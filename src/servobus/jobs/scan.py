@@ -130,7 +130,8 @@ AT_ONCE = 32
 MUCH = 0.02
 """s; a USB adapter that hands answers over after 16 ms is not worth telling."""
 LATE = 0.3
-"""s for which a scan that heard nothing listens for late answers at its end; assumption: none comes later."""
+"""s for which a scan that heard nothing listens for late answers, at its end and before it asks the same family at
+another speed; assumption: none comes later."""
 STRANGERS = 0.3
 """s in which further answers to a question to all that speak another protocol pass by."""
 SPACING = 0.002
@@ -156,7 +157,7 @@ def scan(
     What is found is put into `survey` at once, so it is there even if the scan is broken off. Servos whose answers come
     after they were given up are asked again, with the patience that this has taught the link; and those that were
     silent while an adapter or a computer stood still, or that fell silent after a first answer. A line on which no
-    servo answers costs `LATE` s once.
+    servo answers costs `LATE` s once, and once more for each further speed of a family.
     """
     wanted = list(dict.fromkeys(check_id(id) for id in ids))
     rounds = in_order(families, bauds)
@@ -171,7 +172,7 @@ def scan(
         if watch is not None:
             watch(ScanProgress(done, len(rounds) * len(wanted), family, baud, id, found))
 
-    for baud, family in rounds:
+    for n, (baud, family) in enumerate(rounds):
         asked.insert(0, (baud, family))
         answered: set[int] = set()
         yield SetBaud(baud)
@@ -191,7 +192,10 @@ def scan(
                 some = some[len(answers) :]
         if len(wanted) > LAST_ID:
             yield from _ask_strangers(family, baud, survey)
-        lateness: Lateness = yield LateAnswers(LATE if (baud, family) == rounds[-1] else 0.0)
+        # A late answer at one speed of a family would be taken for one at its next speed.
+        later = rounds[n + 1 :]
+        waits = not later or any(other is family for _, other in later)
+        lateness: Lateness = yield LateAnswers(LATE if waits else 0.0)
         yield from _ask_late_ones_again(asked, lateness, survey, identify, tell)
         yield from _ask_lost_ones_again(family, baud, wanted, answered, lateness, survey, identify, tell)
         here = [other for speed, other in rounds if speed == baud]

@@ -64,7 +64,7 @@ def test_lost_answers_do_not_make_it_longer(key: str) -> None:
 @DRIVERS
 def test_one_that_was_stopped_is_told_at_once(driver: str) -> None:
     opener: Any = servobus.open if driver == SYNC else servobus.open_async
-    bus = opener("virtual:rx28@1,lx16a@2?clock=virtual")
+    bus = opener("virtual:rx28@1,lx16a@2?clock=virtual", models="lx16a")
 
     async def call(given: Any) -> Any:
         return given if driver == SYNC else await given

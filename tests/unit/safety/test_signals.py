@@ -134,7 +134,7 @@ def test_N8_commands_stop_too(arm: Arm, verb: str, number: int) -> None:
         "move": ["1=230", "--speed", "20"],
         "step": ["1", "--to", "230", "--time", "10", "--limits", "0", "240", "--seconds", "60"],
     }[verb]
-    command = [sys.executable, "-m", "servobus", verb, arm.name, *words]
+    command = [sys.executable, "-m", "servobus", verb, arm.name, "--model", "lx16a", *words]
     start = arm.servos[0].shaft.position
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
         end = time.monotonic() + PATIENCE

@@ -14,8 +14,8 @@ from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.serve.inprocess import VirtualPort
 
 
-def virtual(spec: str) -> Any:
-    return servobus.open(f"virtual:{spec}?clock=virtual")
+def virtual(spec: str, **options: Any) -> Any:
+    return servobus.open(f"virtual:{spec}?clock=virtual", **options)
 
 
 def stands(port: VirtualPort, number: int = 0) -> bool:
@@ -276,7 +276,7 @@ def test_N7_a_cancellation_on_a_dead_line_is_one(key: str, end: str) -> None:
 
 
 def test_N7_a_crash_on_a_dead_line_is_the_one_that_leaves_the_bus() -> None:
-    bus = virtual("lx16a@1")
+    bus = virtual("lx16a@1", models="lx16a")
     with pytest.raises(ValueError, match="a slip") as caught, bus:
         bus.find(1).torque_on()
         bus.transport.inject("mute")
