@@ -374,6 +374,19 @@ EFFECTS: dict[str, dict[str, Look]] = {
         "compliance_sides": blocked("01 05 03 1A 32 00", "01 05 03 1E 1E 02", 0.1, "01 04 02 28 02"),
         "overload_time": blocked("01 05 03 1E FF 03", 1.0, "01 04 02 22 02"),
     },
+    "mx28": {
+        "broadcast_ping": steps("FE 02 01"),
+        "goal_after_limp": after_a_turn_by_hand("01 04 03 18 01", "01 04 03 18 00", "01 05 03 1E BC 02"),
+        # a goal, wheel mode, 300 units of speed, the limits back
+        "goal_after_turn": steps(
+            "01 05 03 1E BC 02", 2.0, "01 07 03 06 00 00 00 00", "01 05 03 20 2C 01", 0.3, "01 05 03 20 00 00",
+            "01 07 03 06 00 00 FF 0F", "01 04 02 1E 02",
+        ),
+        "turn_goal": steps("01 07 03 06 00 00 00 00", "01 05 03 1E BC 02"),
+        "goal_outside": steps("01 07 03 06 90 01 58 02", "01 05 03 1E BC 02", "01 04 02 1E 02"),
+        "bad_checksum": unframed("FF FF 01 04 02 18 01 00"),  # DF would be right
+        "overload_time": blocked("01 04 03 18 01", "01 05 03 1E FF 0F", 1.0, "01 04 02 22 02"),
+    },
     # 18432 and 20480; 1000, and 22000 of 22129; 320 units of 0.62°/s
     "drs0602": herkulex_effects("00 48", "00 50", "2E 02 E8 03", "F0 55", "40 01"),
     # 687 and 860; 100, and 992 of 1002; 700 of 1023

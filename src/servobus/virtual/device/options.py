@@ -199,12 +199,17 @@ class Option(Generic[T]):
 
 
 def options_of(firmware: type) -> dict[str, Option[Any]]:
-    """Give all options of a firmware by name, its own first."""
+    """Give all options of a firmware by name, its own first.
+
+    A class that gives a plain value in the place of an option has no such option: it always does the same.
+    """
     found: dict[str, Option[Any]] = {}
+    told: set[str] = set()
     for kind in firmware.__mro__:
         for name, value in vars(kind).items():
-            if isinstance(value, Option):
-                found.setdefault(name, value)
+            if isinstance(value, Option) and name not in told:
+                found[name] = value
+            told.add(name)
     return found
 
 

@@ -49,6 +49,9 @@ class PidServo(Dynamixel1Servo):
     - A slave has no other servo on its cable here, so it drives nothing.
     """
 
+    # Not an option here: the MX-64 has a register of this name.
+    goal_torque = True
+
     law_registers = (
         "p_gain", "i_gain", "d_gain", "punch", "goal_acceleration", "multi_turn_offset", "resolution_divider",
         "torque_control_mode_enable", "goal_torque", "drive_mode",
