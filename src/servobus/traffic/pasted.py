@@ -63,7 +63,8 @@ NO_BYTES = (
     r"#\s*define\s+\w+(?=\s+[{(])",
     r"^[ \t]*(?:\$\s+)?(?:echo|printf)(?:\s+-\w+)*\s+(?=['\"])",
     r"(?<=['\"])\s*>\s*/\S+",
-    r"(?<=['\"])\s*\+(?=\s*[bB]?['\"])",
+    # A plus between two strings, not one inside a string: the quote before it closes.
+    r"(?<=[^(\[,=\s]['\"])(?<!\W[bB]['\"])(?<!^[bB]['\"])\s*\+(?=\s*[bB]?['\"])",
     r"(?<=['\"])\s*\\[ \t]*$",
 )
 """What programs say of the type and the use of their bytes: [u8; 6], dtype=uint8, echo -ne "..." > /dev/ttyUSB0."""
