@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from enum import IntFlag
 from typing import Any, ClassVar, TypeAlias
 
-from servobus.core.framing import Corrupt, Packet
+from servobus.core.framing import BITS_PER_BYTE, Corrupt, Packet
 from servobus.core.ids import check_id
 from servobus.core.registers import Register
 from servobus.core.units import show
@@ -31,8 +31,6 @@ from servobus.virtual.physics.shaft import Rail, Shaft
 Replies: TypeAlias = list[tuple[float, bytes]]
 """What a servo sends: (seconds after the last bit of what it heard, bytes)."""
 
-BITS = 10
-"""Of a byte on the wire, start and stop bit included."""
 FARTHEST = 200 * math.pi
 """rad that a shaft may be turned to by hand, either way: a hundred turns."""
 ROOM_TEMPERATURE = 25.0
@@ -229,7 +227,7 @@ class VirtualServo(ABC):
 
     def _sent_at(self, replies: Replies, now: float) -> float:
         """Give the time at which these replies will have been sent."""
-        return max((now + delay + len(data) * BITS / self.baud for delay, data in replies), default=now)
+        return max((now + delay + len(data) * BITS_PER_BYTE / self.baud for delay, data in replies), default=now)
 
     def _throw(self, span: Span) -> float:
         return span.low if span.low == span.high else self._dice.uniform(*span)

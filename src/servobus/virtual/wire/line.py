@@ -19,7 +19,7 @@ from collections.abc import Iterable, Sequence
 from operator import itemgetter
 from typing import Final, TypeAlias
 
-from servobus.core.framing import Corrupt, Decoder, Framing, Noise, Packet
+from servobus.core.framing import BITS_PER_BYTE, Corrupt, Decoder, Framing, Noise, Packet
 from servobus.core.ids import BROADCAST
 from servobus.errors import UsageError
 from servobus.virtual.device.servo import VirtualServo
@@ -27,7 +27,7 @@ from servobus.virtual.physics.shaft import Rail
 from servobus.virtual.wire.adapter import WHOLE, Adapter, Handover
 from servobus.virtual.wire.faults import Faults, Injected
 from servobus.virtual.wire.injector import Injector
-from servobus.virtual.wire.uart import BITS, EPSILON, ReceivedBytes, Receiver, Transmission
+from servobus.virtual.wire.uart import EPSILON, ReceivedBytes, Receiver, Transmission
 
 KEPT = 0.02
 """s that bytes are kept after their end for receivers too slow to be through with them."""
@@ -261,7 +261,7 @@ class VirtualLine:
             if isinstance(event, Packet):
                 self._overhear(group, event, time)
             return
-        begin = time - size * BITS / group.baud
+        begin = time - size * BITS_PER_BYTE / group.baud
         for servo in group.called(packet.id):
             if not servo.powered or servo.deaf_until > begin:
                 continue

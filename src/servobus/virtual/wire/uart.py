@@ -12,8 +12,8 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-BITS = 10
-"""Bits of a byte on the wire, start and stop bit included."""
+from servobus.core.framing import BITS_PER_BYTE
+
 TOLERANCE = 0.03
 """Speeds that differ by no more than this understand each other (RX-28 manual 3-4-1)."""
 EPSILON = 1e-9
@@ -36,7 +36,7 @@ def distort(data: bytes, sent: float, heard: float) -> bytes:
     return out
 
 
-_LEVELS = [bytes((0, *(byte >> place & 1 for place in range(BITS - 2)), 1)) for byte in range(256)]
+_LEVELS = [bytes((0, *(byte >> place & 1 for place in range(BITS_PER_BYTE - 2)), 1)) for byte in range(256)]
 """Byte -> its levels: start bit, data bits, stop bit."""
 
 
@@ -71,29 +71,29 @@ class Transmission:
 
     def time(self, count: int) -> float:
         """Give the time at which this many bytes are sent."""
-        return self.start + count * BITS / self.baud
+        return self.start + count * BITS_PER_BYTE / self.baud
 
     def complete(self, until: float) -> int:
         """Count the bytes that are sent whole by then."""
         if until >= self.end:
             return len(self.data)
-        return max(0, min(math.floor((until - self.start + EPSILON) * self.baud / BITS), len(self.data)))
+        return max(0, min(math.floor((until - self.start + EPSILON) * self.baud / BITS_PER_BYTE), len(self.data)))
 
     def byte_at(self, since: float) -> int | None:
         """Give the index of the next byte for a receiver that waits for a start bit since then.
 
         None if the receiver is out of step: it began to wait in the middle of a byte.
         """
-        behind = (since - self.start) * self.baud / BITS
+        behind = (since - self.start) * self.baud / BITS_PER_BYTE
         if behind <= 0:
             return 0
         index = math.ceil(behind - 1e-6)
         # The stop bit, the last tenth of a byte, is as high as an idle line.
-        return index if index - behind <= 1 / BITS + 1e-6 else None
+        return index if index - behind <= 1 / BITS_PER_BYTE + 1e-6 else None
 
     def bit(self, index: int) -> int:
         """Give the level during one bit, counted from the first start bit."""
-        return self.levels[index + 1] if 0 <= index < BITS * len(self.data) else 1
+        return self.levels[index + 1] if 0 <= index < BITS_PER_BYTE * len(self.data) else 1
 
     def level(self, time: float) -> int:
         return self.bit(math.floor((time - self.start) * self.baud + 1e-6))
@@ -172,9 +172,9 @@ class Receiver:
         """Read bytes, complete by then, of one sender with another speed. Times are counted in bits of the sender."""
         baud = self.baud or wave.baud
         ratio = wave.baud / baud
-        middles = [(place + 1.5) * ratio + 1e-6 for place in range(BITS - 2)]
-        levels, idle = wave.levels, BITS * len(wave.data)
-        last = (until - wave.start + EPSILON) * wave.baud - BITS * ratio
+        middles = [(place + 1.5) * ratio + 1e-6 for place in range(BITS_PER_BYTE - 2)]
+        levels, idle = wave.levels, BITS_PER_BYTE * len(wave.data)
+        last = (until - wave.start + EPSILON) * wave.baud - BITS_PER_BYTE * ratio
         data = bytearray()
         since = (self.since - wave.start) * wave.baud
         begin = edge = -1
@@ -185,7 +185,7 @@ class Receiver:
                 at = int(edge + middle)
                 byte |= 1 << place if at >= idle or levels[at + 1] else 0
             data.append(byte)
-            since = edge + (BITS - 0.5) * ratio
+            since = edge + (BITS_PER_BYTE - 0.5) * ratio
         if not data:
             return None
         resume = wave.start + since / wave.baud
@@ -201,11 +201,11 @@ class Receiver:
                 break
         else:
             return None
-        end = start + BITS / baud
+        end = start + BITS_PER_BYTE / baud
         if end > until + EPSILON:
             return None
         # Data bits are looked at in their middle; a stop bit that is low is not noticed.
         bits = [all(wave.level(start + (place + 1.5) / baud) for wave in waves) for place in range(8)]
         byte = sum(bit << place for place, bit in enumerate(bits))
         servo = any(wave.sender is not None and wave.start < end and wave.end > start for wave in waves)
-        return ReceivedBytes(bytes((byte,)), start, end, start + (BITS - 0.5) / baud, servo)
+        return ReceivedBytes(bytes((byte,)), start, end, start + (BITS_PER_BYTE - 0.5) / baud, servo)

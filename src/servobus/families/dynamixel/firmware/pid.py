@@ -6,7 +6,7 @@ Sources: the pages of the series in the ROBOTIS e-manual; the laws are in servob
 import math
 from dataclasses import dataclass
 
-from servobus.core.framing import Corrupt, Packet
+from servobus.core.framing import BITS_PER_BYTE, Corrupt, Packet
 from servobus.core.ids import BROADCAST
 from servobus.families.base import Answers
 from servobus.families.dynamixel.control import STANDSTILL, CurrentControl, Pid
@@ -19,7 +19,7 @@ from servobus.families.dynamixel.protocol import (
     ReadData,
     parse_instruction,
 )
-from servobus.virtual.device.servo import BITS, Replies
+from servobus.virtual.device.servo import Replies
 
 SLACK = 0.001
 """s; assumption: how much later than its settings ask for an answer may come before it counts as missing."""
@@ -106,7 +106,7 @@ class PidServo(Dynamixel1Servo):
     def _longest_answer(self, length: int) -> float:
         """Give the time within which another servo has answered with so many bytes; assumption: as slow as this one."""
         delay: float = self.row("return_delay_time").decode(254)
-        return delay + self.answer_time.high + SLACK + (FRAMING.overhead + length) * BITS / self.baud
+        return delay + self.answer_time.high + SLACK + (FRAMING.overhead + length) * BITS_PER_BYTE / self.baud
 
     def overhear(self, packet: Packet, now: float) -> Replies:
         if now > self._patience:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, ClassVar, Protocol
 
-from servobus.core.framing import Corrupt, Packet
+from servobus.core.framing import BITS_PER_BYTE, Corrupt, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.registers import Register
 from servobus.core.units import BaudDivisor
@@ -37,7 +37,7 @@ from servobus.families.dynamixel.protocol import (
 )
 from servobus.families.dynamixel.verbs import open_while_locked
 from servobus.virtual.device.options import ON_OFF, Limit, OneOf, Option, Span
-from servobus.virtual.device.servo import BITS, Replies, VirtualServo
+from servobus.virtual.device.servo import Replies, VirtualServo
 
 OK = Error(0)
 
@@ -249,7 +249,7 @@ class Dynamixel1Servo(VirtualServo):
 
     def _turn(self, id: int, delay: float) -> float:
         """Give the time that an answer to a broadcast PING waits for those of lower ids (ED-19)."""
-        return id * (delay + self.answer_time.high + FRAMING.overhead * BITS / self.baud)
+        return id * (delay + self.answer_time.high + FRAMING.overhead * BITS_PER_BYTE / self.baud)
 
     def _answers(self, packet: Packet) -> bool:
         level = self.get("status_return_level")
