@@ -1,5 +1,7 @@
 """The verbs behind `servobus robot`: which there are, and what help says of them."""
 
+from typing import ClassVar
+
 import click
 
 from servobus.cli.app import VerbGroup
@@ -8,7 +10,7 @@ from servobus.cli.app import VerbGroup
 class RobotGroup(VerbGroup):
     """The verbs of robots, each loaded when it is used."""
 
-    verbs = {
+    verbs: ClassVar = {
         "Robot": {
             "check": ("robots.check:check", "Compare who answers with the robot file."),
         },
