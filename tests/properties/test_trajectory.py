@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from servobus.robot.trajectory.follower import BrakingFollower, Follower
-from servobus.robot.trajectory.limits import JointLimits
-from servobus.robot.trajectory.online import RuckigFollower
-from servobus.robot.trajectory.path import State, Trajectory
-from servobus.robot.trajectory.playback import Playback
-from servobus.robot.trajectory.profile import quickest, synchronised
-from servobus.robot.trajectory.spline import Shape, fitted, spline
+from servobus.robots.trajectory.follower import BrakingFollower, Follower
+from servobus.robots.trajectory.limits import JointLimits
+from servobus.robots.trajectory.online import RuckigFollower
+from servobus.robots.trajectory.path import State, Trajectory
+from servobus.robots.trajectory.playback import Playback
+from servobus.robots.trajectory.profile import quickest, synchronised
+from servobus.robots.trajectory.spline import Shape, fitted, spline
 
 JOINTS = ("shoulder", "elbow", "wrist")
 FOLLOWERS = [BrakingFollower, *([RuckigFollower] if find_spec("ruckig") else [])]

@@ -8,10 +8,10 @@ import pytest
 
 from servobus import BadValue, deg
 from servobus.errors import UnknownName
-from servobus.robot.trajectory.limits import JointLimits
-from servobus.robot.trajectory.path import Path
-from servobus.robot.trajectory.profile import double_s, quickest, quintic, quintic_time, synchronised, trapezoid
-from servobus.robot.trajectory.spline import Shape, fitted
+from servobus.robots.trajectory.limits import JointLimits
+from servobus.robots.trajectory.path import Path
+from servobus.robots.trajectory.profile import double_s, quickest, quintic, quintic_time, synchronised, trapezoid
+from servobus.robots.trajectory.spline import Shape, fitted
 
 LIMITS = JointLimits(3.0, 10.0, 100.0)
 WITHOUT_JERK = JointLimits(3.0, 10.0)

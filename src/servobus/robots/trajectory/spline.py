@@ -20,9 +20,9 @@ from itertools import accumulate, pairwise
 from servobus.core.units import finite, said
 from servobus.core.values import frozen
 from servobus.errors import BadValue
-from servobus.robot.trajectory.limits import SHORTEST, JointLimits, limits_of, number_of
-from servobus.robot.trajectory.path import Demand, Path, Trajectory
-from servobus.robot.trajectory.polynomial import Polynomial
+from servobus.robots.trajectory.limits import SHORTEST, JointLimits, limits_of, number_of
+from servobus.robots.trajectory.path import Demand, Path, Trajectory
+from servobus.robots.trajectory.polynomial import Polynomial
 
 _ROUNDS = 10
 """So often segments are stretched and the spline is laid anew, at most; more bring little."""

@@ -14,9 +14,9 @@ from collections.abc import Mapping
 
 from servobus.core.units import deg, finite, said
 from servobus.errors import BadValue
-from servobus.robot.trajectory.limits import NEAREST, SHORTEST, JointLimits, limits_of, number_of
-from servobus.robot.trajectory.path import Demand, Path, Trajectory, of_durations, same_joints, standing
-from servobus.robot.trajectory.polynomial import value
+from servobus.robots.trajectory.limits import NEAREST, SHORTEST, JointLimits, limits_of, number_of
+from servobus.robots.trajectory.path import Demand, Path, Trajectory, of_durations, same_joints, standing
+from servobus.robots.trajectory.polynomial import value
 
 _PEAKS = (15 / 8, 10 / math.sqrt(3), 60.0)
 """Greatest speed, acceleration and jerk of the quintic from 0 to 1 in the time 1."""

@@ -8,10 +8,10 @@ import pytest
 
 from servobus import BadValue, UsageError
 from servobus.errors import UnknownName
-from servobus.robot.trajectory.follower import BrakingFollower, Follower
-from servobus.robot.trajectory.limits import JointLimits
-from servobus.robot.trajectory.online import RuckigFollower
-from servobus.robot.trajectory.path import State
+from servobus.robots.trajectory.follower import BrakingFollower, Follower
+from servobus.robots.trajectory.limits import JointLimits
+from servobus.robots.trajectory.online import RuckigFollower
+from servobus.robots.trajectory.path import State
 
 LIMITS = JointLimits(3.0, 10.0, 100.0)
 KINDS: list[type[Follower]] = [BrakingFollower, RuckigFollower]

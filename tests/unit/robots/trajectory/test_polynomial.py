@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from servobus.robot.trajectory.polynomial import crossings, derivative, extrema, largest, value
+from servobus.robots.trajectory.polynomial import crossings, derivative, extrema, largest, value
 
 
 def with_roots(*roots: float) -> tuple[float, ...]:

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from servobus.core.arguments import check_above_0
 from servobus.core.units import finite, said
 from servobus.errors import BadValue
-from servobus.robot.trajectory.limits import JointLimits
-from servobus.robot.trajectory.path import State, Trajectory
+from servobus.robots.trajectory.limits import JointLimits
+from servobus.robots.trajectory.path import State, Trajectory
 
 _SEARCH = 30
 """Halvings of the range in which the next time is sought: to 1e-9 of a tick."""

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from servobus.errors import BadValue, MotionError, UsageError
-from servobus.robot.trajectory.follower import Follower
-from servobus.robot.trajectory.limits import JointLimits
-from servobus.robot.trajectory.path import CLOSE, State
+from servobus.robots.trajectory.follower import Follower
+from servobus.robots.trajectory.limits import JointLimits
+from servobus.robots.trajectory.path import CLOSE, State
 
 
 class RuckigFollower(Follower):

@@ -15,8 +15,8 @@ from collections.abc import Mapping
 
 from servobus.core.arguments import check_above_0
 from servobus.errors import UnknownName
-from servobus.robot.trajectory.limits import JointLimits, limits_of, number_of
-from servobus.robot.trajectory.path import State
+from servobus.robots.trajectory.limits import JointLimits, limits_of, number_of
+from servobus.robots.trajectory.path import State
 
 
 class Follower(ABC):

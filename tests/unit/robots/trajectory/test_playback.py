@@ -5,11 +5,11 @@ from typing import Any
 import pytest
 
 from servobus import BadValue
-from servobus.robot.trajectory.limits import JointLimits
-from servobus.robot.trajectory.path import Trajectory
-from servobus.robot.trajectory.playback import Playback
-from servobus.robot.trajectory.profile import synchronised
-from servobus.robot.trajectory.spline import Shape, fitted
+from servobus.robots.trajectory.limits import JointLimits
+from servobus.robots.trajectory.path import Trajectory
+from servobus.robots.trajectory.playback import Playback
+from servobus.robots.trajectory.profile import synchronised
+from servobus.robots.trajectory.spline import Shape, fitted
 
 LIMITS = {"a": JointLimits(3.0, 10.0), "b": JointLimits(2.0, 8.0)}
 POSES = {"a": [0.0, 0.5, -0.2, 0.8, 0.3], "b": [0.0, 0.1, 0.1, -0.2, 0.3]}

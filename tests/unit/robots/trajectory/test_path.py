@@ -4,10 +4,10 @@ import pytest
 
 from servobus import BadValue, deg
 from servobus.errors import UnknownName
-from servobus.robot.trajectory.limits import JointLimits
-from servobus.robot.trajectory.path import QUANTITIES, Path, State, Trajectory, resting, standing
-from servobus.robot.trajectory.profile import quickest, synchronised
-from servobus.robot.trajectory.spline import Shape, spline
+from servobus.robots.trajectory.limits import JointLimits
+from servobus.robots.trajectory.path import QUANTITIES, Path, State, Trajectory, resting, standing
+from servobus.robots.trajectory.profile import quickest, synchronised
+from servobus.robots.trajectory.spline import Shape, spline
 
 LIMITS = JointLimits(3.0, 10.0, 100.0)
 TIMES = [0.0, 0.5, 0.9, 1.5, 2.0]

@@ -9,11 +9,11 @@ import pytest
 
 from servobus import BadValue
 from servobus.errors import UnknownName
-from servobus.robot.trajectory.limits import JointLimits
-from servobus.robot.trajectory.path import Path
-from servobus.robot.trajectory.polynomial import derivative, value
-from servobus.robot.trajectory.profile import quintic
-from servobus.robot.trajectory.spline import Shape, fitted, spline
+from servobus.robots.trajectory.limits import JointLimits
+from servobus.robots.trajectory.path import Path
+from servobus.robots.trajectory.polynomial import derivative, value
+from servobus.robots.trajectory.profile import quintic
+from servobus.robots.trajectory.spline import Shape, fitted, spline
 
 LIMITS = JointLimits(3.0, 10.0, 100.0)
 TIMES = [0.0, 0.5, 0.9, 1.5, 2.0]

@@ -15,8 +15,8 @@ from typing import TypeAlias
 from servobus.core.units import deg, finite, said
 from servobus.core.values import frozen
 from servobus.errors import BadValue, UnknownName
-from servobus.robot.trajectory.limits import JointLimits, limits_of
-from servobus.robot.trajectory.polynomial import Polynomial, derivative, extrema, largest
+from servobus.robots.trajectory.limits import JointLimits, limits_of
+from servobus.robots.trajectory.polynomial import Polynomial, derivative, extrema, largest
 
 QUANTITIES = ("position", "speed", "acceleration", "jerk")
 """What `extremes` is asked for: each is the derivative of the one before."""

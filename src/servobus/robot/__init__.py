@@ -1,1 +1,0 @@
-"""Robots: joints by name over ports and families, their poses and motions."""
