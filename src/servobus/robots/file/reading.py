@@ -37,6 +37,8 @@ NAMED = {"port": PortEntry, "joint": JointEntry, "motion": MotionEntry}
 PARTS: dict[str, type] = {"mirror": MirrorEntry, "protect": ProtectEntry, "load": LoadEntry}
 """Tables inside that of a joint."""
 ANGLE = Measured("rad", "90deg")
+ROUNDING = 1e-9
+"""rad by which a limit may be missed by reckoning."""
 
 
 def read_file(path: str | PathLike[str]) -> RobotFile:
@@ -214,7 +216,7 @@ class _Reader:
                     ("joint", joint.name, "zero"), "the two servos have no angle in common; look at both zeros"
                 )
             return
-        if (low, high) != joint.limits:
+        if any(abs(can - asked) > ROUNDING for can, asked in zip((low, high), joint.limits, strict=True)):
             can = replace(joint, limits=None).range
             self._refuse(
                 path,
@@ -237,7 +239,7 @@ class _Reader:
         for joint, angle in angles.items():
             self._there(joint, file.joints, (*path, joint), "joint")
             low, high = file.joints[joint].range
-            if not low - 1e-9 <= angle <= high + 1e-9:
+            if not low - ROUNDING <= angle <= high + ROUNDING:
                 self._refuse(
                     (*path, joint),
                     f"{show(angle, 'rad')} is outside the limits of the joint, {show(low, 'rad')} .. "
