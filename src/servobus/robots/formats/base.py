@@ -136,6 +136,11 @@ class Format:
     new: Callable[[bytes, Given], Draft] | None = None
     onto: Callable[[bytes, RobotFile, Given], Changes] | None = None
 
+    @property
+    def a_title(self) -> str:
+        """The title for a sentence: "an action group of Hiwonder"."""
+        return f"{'an' if self.title[0] in 'aeio' else 'a'} {self.title}"
+
 
 def text_of(data: bytes, source: str) -> str:
     """Give the text of a file. Raises FormatError if it is none."""

@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 from servobus.core.units import deg
 from servobus.errors import FormatError
-from servobus.families import registry
 from servobus.robots.file.entries import RobotFile, ServoEntry
 from servobus.robots.file.kinds import shown
+from servobus.robots.file.writing import Key
 from servobus.robots.formats.base import Changes, Given, listed
 from servobus.robots.formats.motions import check_angle, motion_name, none_known, steps_of
 from servobus.robots.formats.servos import angle_row, to_angle
@@ -52,7 +52,7 @@ def onto(data: bytes, file: RobotFile, given: Given) -> Changes:
     joints: dict[int, str] = {}
     left = []
     for id in group.ids:
-        joint = _joint(file, id, given)
+        joint = _joint(file, id, kind, given)
         if joint is None:
             left.append(f"Servo{id}")
         elif joint in joints.values():
@@ -73,14 +73,17 @@ def onto(data: bytes, file: RobotFile, given: Given) -> Changes:
         )
     times = list(accumulate((way / 1000 for way, _ in group.rows[1:]), initial=0.0))
     motion = motion_name(file, given)
-    notes = list(_notes(file, given, left, kind))
+    notes = tuple(_notes(file, left, kind))
     # Between its poses such a servo runs straight on; this path goes beyond none of them.
-    changes = {("motion", motion, "path"): "monotone", ("motion", motion, "steps"): steps_of(times, poses)}
+    changes: dict[Key, Any] = {
+        ("motion", motion, "path"): "monotone",
+        ("motion", motion, "steps"): steps_of(times, poses),
+    }
     done = f"motion {motion}: {len(poses)} steps over {times[-1]:g} s of {listed(joints.values())}"
-    return Changes(changes, {}, tuple(notes), done)
+    return Changes(changes, {}, notes, done)
 
 
-def _notes(file: RobotFile, given: Given, left: list[str], kind: str) -> Iterator[str]:
+def _notes(file: RobotFile, left: list[str], kind: str) -> Iterator[str]:
     if left:
         yield f"these are no joints of {file.name}, so they were left out: {listed(left)}"
     yield "the time of its first row is left out: playing goes to the first pose by itself, and the motion begins there"
@@ -100,15 +103,22 @@ def _kind(group: _Group, given: Given) -> str:
     return given.kind or "bus"
 
 
-def _joint(file: RobotFile, id: int, given: Given) -> str | None:
-    """Find the joint of a servo: by what was said, else by its id. Raises FormatError if several have this id."""
+def _joint(file: RobotFile, id: int, kind: str, given: Given) -> str | None:
+    """Find the joint of a servo: by what was said, else by its id, among bus servos if it is one.
+
+    Raises FormatError if several have this id.
+    """
     name = f"Servo{id}"
     if name in given.joints:
         said = given.joints[name]
         if said not in file.joints:
             raise FormatError(f"{file.name}: there is no joint {shown(said)}; there are {listed(file.joints)}")
         return said
-    found = [joint.name for joint in file.joints.values() if joint.id == id]
+    found = [
+        joint.name
+        for joint in file.joints.values()
+        if joint.id == id and (kind == "pwm" or joint.model.family.name == FAMILY)
+    ]
     if len(found) > 1:
         raise FormatError(
             f"{given.source}: {listed(found)} all have id {id} in {file.name}; say which is meant, as in "
@@ -129,7 +139,7 @@ def _angle(file: RobotFile, joint: str, position: int, kind: str, where: str) ->
             )
         middle = to_angle(scale, sum(row.limits) / 2)
         return servo.axis.to_joint(middle + (position - PULSE_MIDDLE) * PULSE_STEP)
-    if servo.model.family is not registry.family(FAMILY):
+    if servo.model.family.name != FAMILY:
         raise FormatError(
             f"{where}: {joint} is a {servo.model.title}, which has other counts than the bus servos of an action group"
         )

@@ -114,11 +114,17 @@ def onto(data: bytes, file: RobotFile, given: Given) -> Changes:
                 f"{given.source}: {name} has id {one.id}, but joint {joint.name} has id {joint.id} in {file.name}; say "
                 "which joint it is, as in --joint THEIRS=OURS, or mend the id"
             )
+        if joint.mirror is not None:
+            notes.append(f"{joint.name} has two servos, whose zeros belong together, so it was left out")
+            continue
         values = _values(given.source, joint.name, one, joint.model, joint.ratio)
-        changes |= {
-            ("joint", joint.name, key): value.value if isinstance(value, Noted) else value
-            for key, value in values.items()
-        }
+        changes |= {("joint", joint.name, key): value.value for key, value in values.items()}
+        if file.poses or file.motions:
+            was, now = quantity(joint.zero, "rad"), values["zero"].value
+            if (was, joint.direction) != (now, values["direction"].value):
+                notes.append(
+                    f"{joint.name} had its zero at {was} of the servo and has it at {now}: poses that name it move"
+                )
         taken.append(joint.name)
     if not taken:
         raise FormatError(
@@ -128,7 +134,7 @@ def onto(data: bytes, file: RobotFile, given: Given) -> Changes:
     return Changes(changes, {}, tuple(notes), f"zero, direction and limits of {listed(taken)}")
 
 
-def _values(source: str, joint: str, one: Calibration, model: type[Model], ratio: float) -> dict[str, Any]:
+def _values(source: str, joint: str, one: Calibration, model: type[Model], ratio: float) -> dict[str, Noted]:
     """Give zero, direction and limits of a joint, for a servo of this model behind this gear."""
     row, scale = angle_row(model, source)
     least, most = row.limits
@@ -142,7 +148,7 @@ def _values(source: str, joint: str, one: Calibration, model: type[Model], ratio
     direction = -1 if one.drive_mode else 1
     axis = Axis(zero, direction, ratio)
     limits = axis.range_to_joint(to_angle(scale, one.range_min), to_angle(scale, one.range_max))
-    values: dict[str, Any] = {
+    values = {
         "zero": Noted(quantity(zero, "rad"), "the middle of the range, as LeRobot counts degrees"),
         "direction": Noted(direction, f"drive_mode {one.drive_mode}"),
         "limits": Noted(written(*limits), f"counts {one.range_min} to {one.range_max}"),

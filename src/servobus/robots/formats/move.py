@@ -8,6 +8,7 @@ out: playing reckons them from the positions. Source: pypot 5.0.2, primitive/mov
 
 from collections.abc import Mapping
 from itertools import pairwise
+from operator import itemgetter
 from typing import Any
 
 from servobus.core.units import deg, finite
@@ -54,8 +55,9 @@ def _read(data: bytes, source: str) -> list[tuple[float, dict[str, float]]]:
     positions = said.get("positions") if isinstance(said, dict) else None
     if not isinstance(positions, dict) or not positions:
         raise FormatError(f"{source}: a .move of pypot has positions by time, and this has none")
-    samples = sorted(_sample(time, pose, source) for time, pose in positions.items())
-    if late := next((two for (one, _), (two, _) in pairwise(samples) if not one < two), None):
+    samples = sorted((_sample(time, pose, source) for time, pose in positions.items()), key=itemgetter(0))
+    late = next((two for (one, _), (two, _) in pairwise(samples) if not one < two), None)
+    if late is not None:
         raise FormatError(f"{source}: two of its samples are at {late:g} s")
     return samples
 

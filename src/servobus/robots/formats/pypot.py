@@ -40,6 +40,7 @@ from servobus.robots.formats.base import (
 from servobus.robots.formats.servos import (
     NamedServo,
     angle_row,
+    device,
     limit_counts,
     named_servos,
     rounded,
@@ -87,7 +88,7 @@ def write(file: RobotFile) -> Written:
     config = {
         "controllers": {
             port: {
-                "port": file.ports[port].path if ":" not in file.ports[port].path else "auto",
+                "port": device(file.ports[port].path) or "auto",
                 "sync_read": False,
                 "attached_motors": [one.name for one in mine if one.servo.port == port],
                 "protocol": 1,
@@ -97,9 +98,6 @@ def write(file: RobotFile) -> Written:
         "motorgroups": dict(_groups(file, mine)),
         "motors": {one.name: _motor(file, one, types[one.servo.model.key()]) for one in mine},
     }
-    for controller in config["controllers"].values():
-        if controller["port"] == OPEN_PORT:
-            controller["port"] = "auto"
     return Written(json.dumps(config, indent=4) + "\n", tuple(_notes(servos, mine)))
 
 

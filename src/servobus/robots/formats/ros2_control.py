@@ -26,7 +26,7 @@ def write(file: RobotFile) -> Written:
     mine = [one for one in servos if one.servo.model.family.name == FAMILY]
     if not mine:
         raise FormatError(f"{file.name}: dynamixel_hardware drives Dynamixel servos alone, and there is none in it")
-    root = robot_element(file, [(one.name, one.joint) for one in mine])
+    root = robot_element(file, {one.name: (one.joint, 1) for one in mine})
     for port in dict.fromkeys(one.servo.port for one in mine):
         _system(root, file, port, [one for one in mine if one.servo.port == port])
     return Written(xml_text(root), tuple(_notes(file, servos, mine)))

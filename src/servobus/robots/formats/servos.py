@@ -8,7 +8,7 @@ from servobus.core.registers import Register
 from servobus.core.units import Quantity, deg
 from servobus.errors import FormatError
 from servobus.families.model import Model
-from servobus.robots.file.entries import OPEN_PORT, JointEntry, PortEntry, RobotFile, ServoEntry
+from servobus.robots.file.entries import OPEN_PORT, JointEntry, RobotFile, ServoEntry
 
 NEAR = 0.02
 """Share of a count by which a limit may be missed: a robot file has angles to a ten-thousandth of a degree."""
@@ -100,9 +100,14 @@ def written(low: float, high: float) -> list[str]:
     return [f"{end + 0.0:.4f}".rstrip("0").rstrip(".") + "deg" for end in ends]
 
 
+def device(path: str) -> str | None:
+    """Give the path of a port if other programs can open it; None for what is known here alone, such as usb:SERIAL."""
+    return None if path == OPEN_PORT or ":" in path else path
+
+
 def port_notes(file: RobotFile, ports: Iterable[str]) -> Iterator[str]:
     """Say which ports other programs cannot open as they stand in the robot file."""
     for port in dict.fromkeys(ports):
-        entry: PortEntry = file.ports[port]
-        if entry.path == OPEN_PORT or ":" in entry.path:
-            yield f"port {port} is {entry.path!r} here; write the path of its device where the file has it"
+        path = file.ports[port].path
+        if device(path) is None:
+            yield f"port {port} is {path!r} here; write the path of its device where the file has it"

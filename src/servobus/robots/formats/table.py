@@ -1,5 +1,7 @@
 """All formats of other programs, in one table: the command line, the pages and the messages read it."""
 
+from collections.abc import Iterable
+
 from servobus.errors import FormatError, UnknownName
 from servobus.robots.formats import d6a, lerobot, move, pypot, robotis, ros2_control, urdf
 from servobus.robots.formats.base import Format, listed
@@ -85,10 +87,12 @@ FORMATS = {
 """Name -> format."""
 
 
-def by_name(name: str) -> Format:
-    """Find a format. Raises UnknownName."""
-    if name not in FORMATS:
-        raise UnknownName(f"no format {name!r}; there are {listed(FORMATS)}")
+def by_name(name: str, among: Iterable[str] = FORMATS) -> Format:
+    """Find a format, among those of these names. Raises UnknownName."""
+    names = list(among)
+    if name not in names:
+        other = f"{FORMATS[name].a_title} goes the other way only" if name in FORMATS else f"no format {name!r}"
+        raise UnknownName(f"{other}; there are {listed(names)}")
     return FORMATS[name]
 
 

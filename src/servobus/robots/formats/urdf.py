@@ -53,16 +53,19 @@ def write(file: RobotFile) -> Written:
     """Make a URDF of the joints of a robot: in joint space, as they stand in the robot file."""
     if not file.joints:
         raise FormatError(f"{file.name}: there is no joint in it, so there is nothing to export")
-    root = robot_element(file, [(name, joint) for name, joint in file.joints.items()])
+    root = robot_element(file, {name: (joint, len(joint.servos)) for name, joint in file.joints.items()})
     return Written(xml_text(root), tuple(limit_notes(file, file.joints.values())))
 
 
-def robot_element(file: RobotFile, joints: list[tuple[str, JointEntry]]) -> ET.Element:
-    """Make the element <robot>: a link for each joint, all on one base, for a robot file has no shapes."""
+def robot_element(file: RobotFile, joints: Mapping[str, tuple[JointEntry, int]]) -> ET.Element:
+    """Make the element <robot>: a link for each joint, all on one base, for a robot file has no shapes.
+
+    `joints` has what each is called, and how many servos drive it.
+    """
     root = ET.Element("robot", name=file.robot.name)
     root.append(ET.Comment(" Made by servobus. A robot file has no shapes: put links and origins in their places. "))
     ET.SubElement(root, "link", name="base")
-    for name, joint in joints:
+    for name, (joint, servos) in joints.items():
         ET.SubElement(root, "link", name=f"{name}_link")
         element = ET.SubElement(root, "joint", name=name, type="revolute")
         ET.SubElement(element, "parent", link="base")
@@ -70,7 +73,7 @@ def robot_element(file: RobotFile, joints: list[tuple[str, JointEntry]]) -> ET.E
         ET.SubElement(element, "axis", xyz="0 0 1")
         low, high = joint.range
         sheet = joint.model.sheet
-        effort = (sheet.stall_torque or 0.0) * joint.ratio * len(joint.servos)
+        effort = (sheet.stall_torque or 0.0) * joint.ratio * servos
         speed = joint.speed or (sheet.speed or 0.0) / joint.ratio
         limit = {"lower": low, "upper": high, "effort": effort, "velocity": speed}
         ET.SubElement(element, "limit", {key: number(value) for key, value in limit.items()})
@@ -172,7 +175,7 @@ def read(data: bytes, source: str) -> dict[str, UrdfJoint]:
         root = ET.fromstring(text)  # noqa: S314 - expat bounds what entities may grow to
     except ET.ParseError as error:
         raise FormatError(f"{source}: this is no XML: {error}") from None
-    if any("}" in element.tag and "xacro" in element.tag for element in root.iter() if isinstance(element.tag, str)):
+    if any("}" in element.tag and "xacro" in element.tag for element in root.iter()):
         raise FormatError(f"{source}: this is xacro, whose macros ROS expands; run `xacro {source} > arm.urdf` first")
     if root.tag != "robot":
         raise FormatError(f"{source}: a URDF begins with <robot>, and this begins with <{root.tag}>")
