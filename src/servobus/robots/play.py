@@ -211,7 +211,7 @@ class Play:
             name = joint.name
             if name in result.lost:
                 if now - self._seen[name] > LOST:
-                    raise result.lost[name]
+                    raise _silent(name, result.lost[name])
                 continue
             self._seen[name] = now
             behind = abs(goals[name] - result[name]["present_position"])
@@ -314,6 +314,12 @@ def _where(joints: Sequence[Joint]) -> RobotJob[dict[str, float]]:
         low, high = joint.limits
         start[joint.name] = min(max(goal if abs(goal - here) <= NEAR else here, low), high)
     return start
+
+
+def _silent(name: str, error: ServobusError) -> ServobusError:
+    """Say in an error of the line which joint it is about, and what was done."""
+    error.args = (f"{name} does not answer any more; all joints of the motion were stopped ({error})", *error.args[1:])
+    return error
 
 
 def _why(joint: Joint, behind: float) -> RobotJob[ServobusError]:

@@ -1,1 +1,0 @@
-"""Joint-space trajectories: where each joint shall be at which time, within its limits. Pure mathematics."""
