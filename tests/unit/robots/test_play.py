@@ -14,7 +14,7 @@ from servobus.robots.file.reading import read_text
 from servobus.robots.motion import Motion, limits_of, read_samples, samples_of, samples_text
 from servobus.robots.play import BlockingPlay, PlayTick
 from servobus.virtual.physics.motor import Load
-from unit.robots.arms import ARM, goals_in, opened, port_of, servos_of, shaft_angles
+from unit.robots.played_arm import ARM, goals_in, opened, port_of, servos_of, shaft_angles
 
 STEP = {"rx28": 0.3 * deg, "drs0602": 0.163 * deg, "lx16a": 0.24 * deg}
 """What one unit of position is, as the manuals say: it is what rounding may add to a goal."""
@@ -95,7 +95,8 @@ def test_pause_resume_and_stop() -> None:
             if n == 75:
                 play.stop()
         assert len(set(stood)) == 1
-        assert play.stopped and play.over
+        assert play.stopped
+        assert play.over
         here = arm.positions()
         port_of(arm, "left").sleep(0.5)
         assert arm.positions()["base"] == pytest.approx(here["base"], abs=0.6 * deg)
@@ -181,7 +182,9 @@ def test_a_servo_that_restarts_stops_all_joints_and_is_told() -> None:
             port.rig.plug(again, port.now())
 
         # It hears nothing while it boots, so the silence may be noticed before the torque that is gone.
-        with pytest.raises((TorqueOff, BusError), match="elbow (has no torque any more: it restarted|does not answer)"):
+        with pytest.raises(
+            (TorqueOff, BusError), match=r"elbow (has no torque any more: it restarted|does not answer)"
+        ):
             broken_at(arm.play("wave", rate=50), 20, restart)
         standing(arm)
 
@@ -209,7 +212,7 @@ def test_a_port_that_goes_away_stops_the_joints_of_the_others() -> None:
 def test_the_goal_speed_of_a_move_before_does_not_slow_the_motion_and_comes_back() -> None:
     with opened() as arm, arm.torque():
         servo = arm["base"].servo
-        servo.write("goal_speed", 10 * deg)  # type: ignore[attr-defined]
+        servo.write("goal_speed", 10 * deg)
         held = servos_of(arm, "base")[0]
         row = held.model.register("goal_speed")
         raw = held.memory[row]
