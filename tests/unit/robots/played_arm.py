@@ -1,4 +1,4 @@
-"""A virtual arm of six joints: three families, three ports, directions, zeros and gears mixed, one joint with two servos.
+"""A virtual arm of six joints: three families on three ports, all mixed, and one joint with two servos.
 
 It lives on the virtual clock, so its tests are quick and always the same.
 """

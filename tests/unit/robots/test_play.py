@@ -37,7 +37,8 @@ def test_no_goal_on_the_wire_leaves_a_limit_of_speed_or_acceleration(shape: str)
         for name, goals in sent.items():
             limits, rounding = limits_of(arm[name]), unit(arm, name)
             low, high = arm[name].limits
-            assert low - rounding <= min(goals) and max(goals) <= high + rounding
+            assert low - rounding <= min(goals)
+            assert max(goals) <= high + rounding
             speeds = [(b - a) / play.period for a, b in pairwise(goals)]
             assert max(map(abs, speeds)) <= limits.speed + rounding / play.period
             # Rounding moves a goal by half a unit; over 5 ticks that is little, and a jump would stand out.
