@@ -169,7 +169,7 @@ class Cycle:
     def every(self, period: float) -> Rate:
         """Give turns at a fixed rate, `period` in s: `for tick in cycle.every(0.01)`; see `Rate`."""
         assert isinstance(self, Blocking | Awaiting)
-        return Rate(self, self.transport, period)
+        return Rate(self, self.transport.now, period)
 
     @bus_method
     @urgent(Priority.MOTION)

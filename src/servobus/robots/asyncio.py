@@ -23,7 +23,7 @@ from servobus.robots.base import BaseRobot, JointSet, JointVerbs
 from servobus.robots.file.entries import JointEntry, RobotFile
 from servobus.robots.joint import Part, parts_of
 from servobus.robots.move import JointMove
-from servobus.robots.ports import Ports, rest
+from servobus.robots.ports import Ports
 from servobus.robots.steps import RobotJob, Together
 
 if TYPE_CHECKING:
@@ -44,7 +44,8 @@ class AsyncPorts(Ports[AsyncBus]):
                 if isinstance(step, Together):
                     answer = await self._together(step.jobs, priority)
                 elif isinstance(step, Pause):
-                    answer = await self._together({name: rest(step.seconds) for name in self.buses}, priority)
+                    answer = None
+                    await self._pause(step.seconds)
                 else:
                     answer = self.now()
         except StopIteration as stop:
@@ -61,11 +62,18 @@ class AsyncPorts(Ports[AsyncBus]):
                 return error
 
         if not self.real:
+            self.align(self.now())
             outcomes = {port: await one(port, job) for port, job in jobs.items()}
-            self.align()
+            self.align(self.now())
             return outcomes
         came = await asyncio.gather(*(one(port, job) for port, job in jobs.items()))
         return dict(zip(jobs, came, strict=True))
+
+    async def _pause(self, seconds: float) -> None:
+        if self.real:
+            await asyncio.sleep(max(seconds, 0.0))
+        else:
+            self.align(self.now() + seconds)
 
 
 class AsyncRobotMove:

@@ -88,8 +88,8 @@ class RobotCycle:
 
     def every(self, period: float) -> Rate:
         """Give turns at a fixed rate, `period` in s: `for tick in cycle.every(0.01)`; see `Rate`."""
-        bus = next(iter(self._ports.buses.values()))
-        return Rate(bus, bus.transport, period)
+        assert isinstance(self, Blocking | Awaiting)
+        return Rate(self, self._ports.now, period)
 
     @bus_method
     @urgent(Priority.MOTION)
