@@ -171,7 +171,7 @@ class Cycle:
     def every(self, period: float) -> Rate:
         """Give turns at a fixed rate, `period` in s: `for tick in cycle.every(0.01)`; see `Rate`."""
         assert isinstance(self, Blocking | Awaiting)
-        return Rate(self, self.transport, period)
+        return Rate(self, self.transport.now, period)
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -385,7 +385,8 @@ class BusCycle(Blocking, Cycle):
         super().__init__(*args)
 
     def do(self, job: Job[T], *, priority: Priority = Priority.READ) -> T:
-        return self._bus.do(job, priority=priority)
+        result: T = self._bus.do(job, priority=priority)
+        return result
 
 
 class AsyncBusCycle(Awaiting, Cycle):
@@ -396,7 +397,8 @@ class AsyncBusCycle(Awaiting, Cycle):
         super().__init__(*args)
 
     async def do(self, job: Job[T], *, priority: Priority = Priority.READ) -> T:
-        return await self._bus.do(job, priority=priority)
+        result: T = await self._bus.do(job, priority=priority)
+        return result
 
 
 def _questions(parts: Sequence[_Part]) -> list[tuple[_Part, int, Exchange[bytes]]]:
