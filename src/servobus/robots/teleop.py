@@ -3,8 +3,8 @@
     with servobus.robot("leader.toml") as leader, servobus.robot("follower.toml") as follower, follower.torque():
         Teleop(leader, follower).wait()
 
-The leader is only read. The follower is led joint by joint: those of the same name, or as `joints` says. What the leader
-asks for is kept within the limits of the follower, and told (`clamped`); the way there keeps its limits of speed
+The leader is only read. The follower is led joint by joint: those of the same name, or as `joints` says. What the
+leader asks for is kept within the limits of the follower, and told (`clamped`); the way there keeps its limits of speed
 and acceleration.
 
     WAITING     the robots are too far apart at the start: it begins when each joint is within the gate
