@@ -76,7 +76,7 @@ def onto(data: bytes, file: RobotFile, given: Given) -> Changes:
     notes = tuple(_notes(file, left, kind))
     # Between its poses such a servo runs straight on; this path goes beyond none of them.
     changes: dict[Key, Any] = {
-        ("motion", motion, "path"): "monotone",
+        ("motion", motion, "path"): "pchip",
         ("motion", motion, "steps"): steps_of(times, poses),
     }
     done = f"motion {motion}: {len(poses)} steps over {times[-1]:g} s of {listed(joints.values())}"

@@ -39,7 +39,7 @@ def taken(data: bytes, **said: Any) -> Any:
 def test_an_action_group_is_a_motion_of_steps() -> None:
     file, changes = taken(group(ROWS))
     motion = file.motions["wave_hand"]
-    assert motion.path == "monotone"
+    assert motion.path == "pchip"
     assert [step.time for step in motion.steps] == [0.0, 1.5, 1.7]  # the first way is not part of it
     # wrist: zero 110°, turned round: 500 counts are 120°, so -10°; 458 are 109.92°, so 0.08°
     # grip: zero 60°, behind 2.5:1: 300 counts are 72°, so 4.8°; 500 are 120°, so 24°
