@@ -27,8 +27,10 @@ from servobus.errors import (
     BadValue,
     BrokenEcho,
     BusError,
+    Disagreement,
     DuplicateId,
     EepromWear,
+    FormatError,
     Garbled,
     LineBusy,
     MotionError,
@@ -41,6 +43,8 @@ from servobus.errors import (
     PortLost,
     Refused,
     Restarted,
+    RobotFileError,
+    RobotMismatch,
     ServobusError,
     ShortReply,
     StopFailed,
@@ -64,6 +68,9 @@ from servobus.safety.watchdog import Watchdog
 if TYPE_CHECKING:
     from servobus.bus.asyncio import AsyncBus, AsyncBusServo, AsyncMove
     from servobus.bus.cycle import Cycle
+    from servobus.robots.asyncio import AsyncRobot
+    from servobus.robots.blocking import Robot
+    from servobus.robots.opening import robot, robot_async
     from servobus.safety.overload import Level, Thresholds
 
 __version__ = "0.1.0"
@@ -72,9 +79,13 @@ _LATE = {
     "AsyncBus": "servobus.bus.asyncio",
     "AsyncBusServo": "servobus.bus.asyncio",
     "AsyncMove": "servobus.bus.asyncio",
+    "AsyncRobot": "servobus.robots.asyncio",
     "Cycle": "servobus.bus.cycle",
     "Level": "servobus.safety.overload",
+    "Robot": "servobus.robots.blocking",
     "Thresholds": "servobus.safety.overload",
+    "robot": "servobus.robots.opening",
+    "robot_async": "servobus.robots.opening",
 }
 """Names whose modules not all programs need: they are imported when they are first used, for asyncio takes long."""
 
@@ -87,6 +98,7 @@ __all__ = [
     "AsyncBus",
     "AsyncBusServo",
     "AsyncMove",
+    "AsyncRobot",
     "Backup",
     "BadChecksum",
     "BadReading",
@@ -98,8 +110,10 @@ __all__ = [
     "ByServo",
     "Counts",
     "Cycle",
+    "Disagreement",
     "DuplicateId",
     "EepromWear",
+    "FormatError",
     "Garbled",
     "Level",
     "LineBusy",
@@ -116,6 +130,9 @@ __all__ = [
     "ReconnectReport",
     "Refused",
     "Restarted",
+    "Robot",
+    "RobotFileError",
+    "RobotMismatch",
     "Servo",
     "ServobusError",
     "ShortReply",
@@ -138,6 +155,8 @@ __all__ = [
     "ms",
     "open",
     "open_async",
+    "robot",
+    "robot_async",
     "rpm",
 ]
 

@@ -4,6 +4,8 @@
     ├── UsageError (ValueError)       what was asked makes no sense; nothing was sent
     │   ├── UnknownName (KeyError)    no such register, model, family or servo
     │   ├── BadValue                  a value that the register or the move cannot take
+    │   ├── RobotFileError            a robot file that is wrong: with its line, the key, the value and the remedy
+    │   ├── FormatError               a file of another program that cannot be taken over, or not be written
     │   └── EepromWear                a register in EEPROM was written too often lately
     ├── PortError (OSError)           the port cannot be opened, is in use, or is closed
     │   └── PortLost                  the port was open and went away: unplugged, hung up, or stuck
@@ -20,12 +22,14 @@
     │   ├── LineBusy                  bytes keep coming although nothing was asked
     │   ├── BadReading (ValueError)   a register reads as what it cannot hold, or as a code without meaning
     │   └── Refused                   the servo understood and said no
+    ├── RobotMismatch                 the servos of a robot are not what its file says
     └── MotionError                   motion was refused, ended before its goal, or may go on
         ├── TorqueOff                 a move was asked of a servo without torque
         ├── OutsideLimits             torque would make it run to its limits, for it stands outside of them
         ├── Restarted                 the servo lost what was set in its RAM
         ├── Stopped                   the servos were made safe or stopped: what was under way ended
         ├── StopFailed                some of the servos that were to be stopped may still move
+        ├── Disagreement              two servos on one axis do not stand at the same angle of their joint
         └── MoveTimeout (TimeoutError)  the servo did not arrive in time
 
 A loop that asks again after a BusError never swallows a stop: neither Stopped nor StopFailed is a BusError.
@@ -73,6 +77,14 @@ class UnknownName(UsageError, KeyError):
 
 class BadValue(UsageError):
     """A value that a register or a move cannot take."""
+
+
+class RobotFileError(UsageError):
+    """A robot file cannot be read or is wrong. The message says where, what, and how it is mended."""
+
+
+class FormatError(UsageError):
+    """A file of another program cannot be read as such, or does not say what a robot file needs; or the other way."""
 
 
 class EepromWear(UsageError):
@@ -158,6 +170,14 @@ class Refused(BusError):
         self.flags = flags
 
 
+class RobotMismatch(ServobusError):
+    """The servos that answer are not those of the robot file. `findings` tell of each; see `servobus.robot`."""
+
+    def __init__(self, message: str, findings: Sequence[Any]) -> None:
+        super().__init__(message)
+        self.findings = list(findings)
+
+
 class MotionError(ServobusError):
     """Motion was refused, ended before its goal was reached, or may go on although it was to end."""
 
@@ -191,6 +211,10 @@ class StopFailed(MotionError):
     def __init__(self, message: str, failures: Mapping[Any, Exception], stopped: Mapping[Any, Any]) -> None:
         super().__init__(message)
         self.failures, self.stopped = failures, stopped
+
+
+class Disagreement(MotionError):
+    """Two servos on the axis of one joint stand at different angles of it: they would fight each other."""
 
 
 class MoveTimeout(MotionError, TimeoutError):

@@ -19,11 +19,12 @@ from samples import ONE_OF_EACH_FAMILY, one_model_of_each_family, turning
 from servobus import MODELS, AsyncBus, Bus, ServobusError, deg
 from servobus.bus.asyncio import AsyncBusServo
 from servobus.bus.blocking import BusServo
-from servobus.cli.app import NAMES, app
+from servobus.cli.app import app
 from servobus.core.units import Quantity
 from servobus.jobs.backup import Backup
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.serve.inprocess import VirtualPort, connect
+from unit.cli.verbs import NAMES
 
 FIRMWARES = {"manual": "&as=manual", "kept": ""}
 """What is open in the manuals: as they say, or as users report but with every goal remembered, whatever comes between:
@@ -306,7 +307,7 @@ def attempt(world: World, case: Case) -> None:
 
 MOVES = {"move", "step"}
 """Verbs that move a servo by their name; and `turn`, but for its end."""
-ALONE = {"ports", "virtual", "demo", "models", "registers", "decode"}
+ALONE = {"ports", "robot", "virtual", "demo", "models", "registers", "decode"}
 """Verbs that are given no port."""
 
 ASKING_LINES: dict[str, list[str]] = {

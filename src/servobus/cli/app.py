@@ -5,8 +5,8 @@ A verb's module is imported when the verb is used. What help says about it stand
 
 import importlib
 import re
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
 
 import click
 
@@ -44,6 +44,9 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
         "reset": ("reset:reset", "Restore factory settings."),
         "reboot": ("reset:reboot", "Restart a servo."),
     },
+    "Robot": {
+        "robot": ("robots.group:robot", "Joints by name: make, check, show and move a robot."),
+    },
     "Virtual servos": {
         "virtual": ("virtual:virtual", "Be servos, on a virtual port."),
         "demo": ("demo:demo", "See it all work, without hardware."),
@@ -56,8 +59,6 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
 }
 """heading -> verb -> where it is (module:function), and what help says of it."""
 
-NAMES = {name: where for verbs in VERBS.values() for name, (where, _) in verbs.items()}
-
 
 class CommandError(click.ClickException):
     """An error as people see it: one line, exit code 1."""
@@ -66,40 +67,56 @@ class CommandError(click.ClickException):
         click.echo(f"servobus: {self.message}", file=file, err=file is None)
 
 
-class App(click.Group):
-    """A group that loads its commands when they are used, and tells errors in one line."""
+class VerbGroup(click.Group):
+    """A group that loads its commands when they are used.
+
+    `verbs` has them by heading: verb -> where it is (module:function), and what help says of it.
+    """
+
+    verbs: ClassVar[Mapping[str, Mapping[str, tuple[str, str]]]] = {}
+
+    @property
+    def places(self) -> dict[str, str]:
+        """Where each verb is."""
+        return {name: where for verbs in self.verbs.values() for name, (where, _) in verbs.items()}
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        return list(NAMES)
+        return list(self.places)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
-        if cmd_name not in NAMES:
+        if cmd_name not in self.places:
             return None
-        module, function = NAMES[cmd_name].split(":")
+        module, function = self.places[cmd_name].split(":")
         command: click.Command = getattr(importlib.import_module(f"servobus.cli.{module}"), function)
         return command
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        if args and args[0] not in NAMES and not args[0].startswith("-"):
+        if args and args[0] not in self.places and not args[0].startswith("-"):
             import difflib  # noqa: PLC0415 - only ever needed for this message
 
-            near = difflib.get_close_matches(args[0], NAMES, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else "`servobus --help` lists them all"
+            near = difflib.get_close_matches(args[0], self.places, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"`{ctx.command_path} --help` lists them all"
             raise click.UsageError(f"there is no command {args[0]!r}; {hint}", ctx)
         return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        width = max(map(len, self.places))
+        for heading, verbs in self.verbs.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name.ljust(width), text) for name, (_, text) in verbs.items()])
+
+
+class App(VerbGroup):
+    """The group of all verbs, which tells errors in one line."""
+
+    verbs = VERBS
 
     def format_help_text(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         super().format_help_text(ctx, formatter)
         formatter.write_paragraph()
         formatter.write("  No servo at hand? Try:\n    servobus demo\n    servobus scan virtual:rx28@1-3\n")
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        width = max(map(len, NAMES))
-        for heading, verbs in VERBS.items():
-            with formatter.section(heading):
-                formatter.write_dl([(name.ljust(width), text) for name, (_, text) in verbs.items()])
 
     def invoke(self, ctx: click.Context) -> Any:
         try:

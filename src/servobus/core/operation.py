@@ -11,15 +11,18 @@ Type checkers see all three.
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Generator
 from enum import IntEnum
 from functools import partial
-from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, Union, overload
+from typing import Any, Concatenate, Generic, ParamSpec, TypeAlias, TypeVar, Union, overload
 
-from servobus.core.exchange import Job
+from servobus.core.exchange import Exchange
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+Work: TypeAlias = Exchange[T] | Generator[Any, Any, T]
+"""What an operation builds: a job of a bus, or one of a robot, whose steps are other ones."""
 
 
 class Priority(IntEnum):
@@ -35,14 +38,14 @@ class Blocking(ABC):
     """Carries a job out and gives its result."""
 
     @abstractmethod
-    def do(self, job: Job[T], *, priority: Priority = Priority.READ) -> T: ...
+    def do(self, job: Any, *, priority: Priority = Priority.READ) -> Any: ...
 
 
 class Awaiting(ABC):
     """Gives an awaitable that carries a job out."""
 
     @abstractmethod
-    async def do(self, job: Job[T], *, priority: Priority = Priority.READ) -> T: ...
+    async def do(self, job: Any, *, priority: Priority = Priority.READ) -> Any: ...
 
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -65,7 +68,7 @@ class bus_method(Generic[P, T]):  # noqa: N801 - it reads as what it is, a decor
     is made when something asks for it, since that takes `inspect`, which is slow to import.
     """
 
-    def __init__(self, build: Callable[Concatenate[Any, P], Job[T]]) -> None:
+    def __init__(self, build: Callable[Concatenate[Any, P], Work[T]]) -> None:
         self._build = build
         self._name = build.__name__
         self.__doc__ = build.__doc__
@@ -77,7 +80,7 @@ class bus_method(Generic[P, T]):  # noqa: N801 - it reads as what it is, a decor
     @overload
     def __get__(self, owner: Awaiting, kind: type) -> Callable[P, Awaitable[T]]: ...
     @overload
-    def __get__(self, owner: object, kind: type) -> Callable[P, Job[T]]: ...
+    def __get__(self, owner: object, kind: type) -> Callable[P, Work[T]]: ...
     def __get__(self, owner: Any, kind: type) -> Any:
         build, name = self._build, self._name
         if owner is None:

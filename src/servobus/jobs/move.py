@@ -43,6 +43,7 @@ class PlannedMove:
     ) -> None:
         """Plan a way for each servo; `starts` are the raw positions of the servos now."""
         self.axes, self.without_torque = tuple(axes), tuple(without_torque)
+        self._starts = tuple(starts)
         self.legs = _legs(self.axes, starts)
         self.began: float | None = None
         self.sent = 0
@@ -55,6 +56,16 @@ class PlannedMove:
     def duration(self) -> float:
         """Seconds from start to arrival, the same for all."""
         return max(axis.duration for axis in self.axes)
+
+    def within(self, time: float) -> "PlannedMove":
+        """Plan the same ways for another time, s; servos that are slowed down take longer. Raises BadValue."""
+        axes = [
+            AxisMove(axis.target, axis.goal, axis.distance, time / axis.target.permit.speed_factor)
+            for axis in self.axes
+        ]
+        for axis in axes:
+            axis.target.model.family.check_axis(axis)
+        return PlannedMove(axes, self.without_torque, starts=self._starts)
 
     @property
     def given_up(self) -> bool:
@@ -175,6 +186,8 @@ def _send_leg(move: PlannedMove, now: float) -> Procedure[None]:
         kinds.setdefault((axis.target.model.family.name, axis.target.baud), []).append(axis)
     for kind in kinds.values():
         yield SetBaud(kind[0].target.baud)
+        for axis in kind:
+            axis.target.record.goal = axis.goal
         yield from kind[0].target.model.family.start_moves(kind)
 
 

@@ -13,7 +13,8 @@ from serial.tools import list_ports
 
 from servobus import FAMILIES, LX16A, MODELS, RX28
 from servobus.cli import complete
-from servobus.cli.app import NAMES, app
+from servobus.cli.app import app
+from unit.cli.verbs import NAMES
 
 SHELLS = {"bash": BashComplete, "zsh": ZshComplete, "fish": FishComplete}
 

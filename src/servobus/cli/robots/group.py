@@ -1,0 +1,29 @@
+"""The verbs behind `servobus robot`: which there are, and what help says of them."""
+
+from typing import ClassVar
+
+import click
+
+from servobus.cli.app import VerbGroup
+
+
+class RobotGroup(VerbGroup):
+    """The verbs of robots, each loaded when it is used."""
+
+    verbs: ClassVar = {
+        "Robot": {
+            "check": ("robots.check:check", "Compare who answers with the robot file."),
+            "plan": ("robots.settings:plan", "Compare the servos' settings with the robot file."),
+            "apply": ("robots.settings:apply", "Write the settings of the robot file."),
+            "export": ("robots.files:export", "Write a file of another program."),
+            "import": ("robots.files:import_", "Take in a file of another program."),
+        },
+    }
+
+
+@click.group("robot", cls=RobotGroup, subcommand_metavar="COMMAND ...")
+def robot() -> None:
+    """Joints by name, over all ports and families: a robot file says which servos a robot has.
+
+    FILE is a robot file (TOML). Angles are degrees, of the joint and not of its servo.
+    """

@@ -1,0 +1,1 @@
+"""Robots: joints by name over ports and families, their poses and motions."""

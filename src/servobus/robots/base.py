@@ -1,0 +1,310 @@
+"""What the blocking and the asynchronous robot share: joints, groups of them, and what one asks of them together."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from servobus.bus.base import BaseBus
+from servobus.core.closed import Closed
+from servobus.core.operation import Priority, bus_method, urgent
+from servobus.core.registers import Register, register_name
+from servobus.errors import UnknownName, UsageError
+from servobus.families.base import StopOutcome
+from servobus.robots import applying, attendance, jobs, move, settings
+from servobus.robots.applying import Applied
+from servobus.robots.attendance import Attendance
+from servobus.robots.backups import Backups
+from servobus.robots.file.entries import RobotFile
+from servobus.robots.jobs import JointState
+from servobus.robots.joint import Joint
+from servobus.robots.move import JointMove
+from servobus.robots.ports import Ports
+from servobus.robots.settings import Plan
+from servobus.robots.steps import RobotJob
+from servobus.robots.values import ByJoint, named_angles
+
+if TYPE_CHECKING:
+    from servobus.robots.motion import Motion
+    from servobus.robots.trajectory.path import Trajectory
+
+J = TypeVar("J", bound="JointVerbs")
+B = TypeVar("B", bound=BaseBus[Any])
+
+
+class JointVerbs(Joint):
+    """What one can ask of one joint."""
+
+    @bus_method
+    def position(self) -> RobotJob[float]:
+        """Read the angle, rad. Two servos on one axis give the mean of both."""
+        return jobs.one(self, jobs.read([self], "present_position"))
+
+    @bus_method
+    def read(self, register: Register[Any] | str) -> RobotJob[Any]:
+        """Read a register of its first servo: angles, speeds and loads as those of the joint, all else as it is."""
+        return jobs.one(self, jobs.read([self], register_name(register)))
+
+    @bus_method
+    def look(self) -> RobotJob[JointState]:
+        """Read angle, voltage, temperature and torque."""
+        return jobs.one(self, jobs.look([self]))
+
+    @bus_method
+    @urgent(Priority.MOTION)
+    def start_move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> RobotJob[JointMove]:
+        """Start a move to an angle in rad, and give what is needed to wait for its end."""
+        return move.plan_and_start({self: angle}, time=time, speed=speed)
+
+    @bus_method
+    @urgent(Priority.MOTION)
+    def torque_on(self) -> RobotJob[None]:
+        """Switch the torque on where the joint stands; of both servos on one axis, or of none."""
+        return jobs.torque_on([self])
+
+    @bus_method
+    @urgent(Priority.MOTION)
+    def torque_off(self) -> RobotJob[None]:
+        """Switch the torque off: the joint turns freely."""
+        return jobs.torque_off([self])
+
+    @bus_method
+    @urgent(Priority.STOP)
+    def stop(self) -> RobotJob[dict[str, tuple[StopOutcome, ...]]]:
+        """End the motion; see `Servo.stop`. Raises StopFailed."""
+        return jobs.stop([self])
+
+
+class JointSet(Closed, Generic[J]):
+    """Joints of a robot that are asked and moved together: all of them, or a group."""
+
+    def __init__(self, joints: Mapping[str, J]) -> None:
+        self.joints = dict(joints)
+        """Name -> joint, in the order of the robot file."""
+
+    def __getitem__(self, name: str) -> J:
+        try:
+            return self.joints[name]
+        except (KeyError, TypeError):
+            raise UnknownName(f"no joint {name!r}; there are {', '.join(self.joints)}") from None
+
+    def __iter__(self) -> Iterator[J]:
+        return iter(self.joints.values())
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    def __contains__(self, joint: object) -> bool:
+        return joint in self.joints or any(one is joint for one in self)
+
+    # What one can ask of all
+
+    @bus_method
+    def positions(self) -> RobotJob[ByJoint[float]]:
+        """Read the angles, rad: name -> angle. Joints that do not answer are in `lost` of it."""
+        return jobs.read(list(self), "present_position")
+
+    @bus_method
+    def read(self, register: Register[Any] | str) -> RobotJob[ByJoint[Any]]:
+        """Read a register of all: angles, speeds and loads as those of the joints, all else as their servos have it."""
+        return jobs.read(list(self), register_name(register))
+
+    @bus_method
+    def look(self) -> RobotJob[ByJoint[JointState]]:
+        """Read angle, voltage, temperature and torque of all: name -> JointState."""
+        return jobs.look(list(self))
+
+    @bus_method
+    @urgent(Priority.MOTION)
+    def start_move(
+        self,
+        goals: Any = None,
+        /,
+        *,
+        time: float | None = None,
+        speed: float | None = None,
+        **angles: float,
+    ) -> RobotJob[JointMove]:
+        """Plan a move, make sure that all its joints have torque, and start it; see `move`."""
+        named = named_angles(goals, list(self.joints), angles)
+        return move.plan_and_start(move.goals_by_joint(self.joints, named), time=time, speed=speed)
+
+    @bus_method
+    @urgent(Priority.MOTION)
+    def plan_move(
+        self,
+        goals: Any = None,
+        /,
+        *,
+        time: float | None = None,
+        speed: float | None = None,
+        **angles: float,
+    ) -> RobotJob[JointMove]:
+        """Check a move without moving anything; see `move`."""
+        named = named_angles(goals, list(self.joints), angles)
+        return move.plan_joints(move.goals_by_joint(self.joints, named), time=time, speed=speed)
+
+    @bus_method
+    def wait_arrival(self, started: JointMove, timeout: float | None = None) -> RobotJob[None]:
+        """Wait until all joints of a move stand still near their goals; see `RobotMove.wait`."""
+        return move.wait_joints(started, timeout)
+
+    @bus_method
+    def has_ended(self, started: JointMove) -> RobotJob[bool]:
+        """Tell whether a move has ended."""
+        return move.joints_have_ended(started)
+
+    @bus_method
+    @urgent(Priority.STOP)
+    def cancel(self, started: JointMove) -> RobotJob[None]:
+        """Stop all joints of a move where they are, unless it has ended."""
+        return move.cancel_joints(started)
+
+    @bus_method
+    @urgent(Priority.MOTION)
+    def torque_on(self) -> RobotJob[None]:
+        """Switch the torque of all on, each where it stands: nothing moves. Of two servos on one axis both or none.
+
+        Raises Disagreement where two servos on one axis stand too far apart, before any torque is switched on.
+        """
+        return jobs.torque_on(list(self))
+
+    @bus_method
+    @urgent(Priority.MOTION)
+    def torque_off(self) -> RobotJob[None]:
+        """Switch the torque of all off, of each though others fail: the joints turn freely, and an arm may fall."""
+        return jobs.torque_off(list(self))
+
+    @bus_method
+    @urgent(Priority.STOP)
+    def stop(self) -> RobotJob[dict[str, tuple[StopOutcome, ...]]]:
+        """Stop all joints, each though others fail. Gives what was done with the servos of each. Raises StopFailed."""
+        return jobs.stop(list(self))
+
+
+class BaseRobot(JointSet[J], Generic[J, B]):
+    """The joints that a robot file names, on all its ports.
+
+    file    what the robot file says
+    buses   port -> the bus on it, for what only servos have
+    groups  name -> the joints of a group
+    """
+
+    def __init__(self, file: RobotFile, ports: Ports[B], joints: Mapping[str, J]) -> None:
+        super().__init__(joints)
+        self.file, self.ports = file, ports
+        self.groups: dict[str, JointSet[J]] = {}
+        self.attendance = Attendance(file.name, ())
+        """What was found when it was last compared with its file."""
+
+    @property
+    def buses(self) -> dict[str, B]:
+        """The bus of each port, by the name of the port."""
+        return self.ports.buses
+
+    @property
+    def poses(self) -> Mapping[str, Mapping[str, float]]:
+        """The poses of the file: name -> joint -> angle, rad."""
+        return self.file.poses
+
+    def pose(self, name: str) -> Mapping[str, float]:
+        """Give a pose of the file, joint -> angle, rad. Raises UnknownName."""
+        if name not in self.file.poses:
+            raise UnknownName(f"{self.file.name}: no pose {name!r}; there are {', '.join(self.file.poses) or 'none'}")
+        return self.file.poses[name]
+
+    def motion(self, motion: "str | Motion | Trajectory") -> "Motion | Trajectory":
+        """Give a motion of the file by its name; one that is given itself is given back. Raises UnknownName."""
+        if not isinstance(motion, str):
+            return motion
+        if motion not in self.file.motions:
+            known = ", ".join(self.file.motions) or "none"
+            raise UnknownName(f"{self.file.name}: no motion {motion!r}; there are {known}")
+        from servobus.robots.motion import motion_of  # noqa: PLC0415 - not every program plays motions
+
+        return motion_of(self.file, motion)
+
+    @bus_method
+    @urgent(Priority.SCAN)
+    def check(self, *, strangers: bool = True) -> RobotJob[Attendance]:
+        """Compare who answers with the file: missing, strangers, wrong models, swapped ones. Moves nothing.
+
+        Strangers are looked for at the speeds of the servos in the file; that takes longest.
+        """
+        found = yield from attendance.check(self.file, self.buses, list(self), strangers=strangers)
+        self.attendance = found
+        return found
+
+    # Settings of the servos
+
+    @bus_method
+    @urgent(Priority.SCAN)
+    def plan_settings(self) -> RobotJob[Plan]:
+        """Compare the settings that the servos hold with the file. Moves nothing, writes nothing.
+
+        That is what stands in [joint.NAME.registers], and the limits where `limits_in_servo` is true. Servos that are
+        missing or of another model are in `problems` of it.
+        """
+        return self._plan()
+
+    @bus_method
+    @urgent(Priority.SCAN)
+    def apply_settings(
+        self, plan: Plan | None = None, *, torque_off: bool = False, offsets: bool = False
+    ) -> RobotJob[Applied]:
+        """Write what differs by a plan, by default by a new one, and read it back. Moves nothing.
+
+        The torque of a servo that is written to must be off, or `torque_off` switches it off first. Offsets that servos
+        have of their own are left alone, but for `offsets`. What was there before is kept in files beside the robot
+        file; `undo_settings` brings it back. Broken off, the same again does the rest.
+
+        Raises UsageError before anything is written, and NotRestored, when all the rest is written, with the servos
+        that are not as the file says.
+        """
+        backups = Backups(self.file)
+        made = (yield from self._plan()) if plan is None else plan
+        return (yield from applying.apply(made, list(self), backups, torque_off=torque_off, offsets=offsets))
+
+    @bus_method
+    @urgent(Priority.SCAN)
+    def undo_settings(self, *, torque_off: bool = False) -> RobotJob[dict[str, list[str]]]:
+        """Bring back what the servos held before the last `apply_settings`; gives servo -> names of registers.
+
+        The same again goes back further. Raises as `apply_settings`.
+        """
+        return applying.undo(self.buses, Backups(self.file), torque_off=torque_off)
+
+    def _plan(self) -> RobotJob[Plan]:
+        found = yield from attendance.check(self.file, self.buses, list(self), strangers=False)
+        self.attendance = found
+        return (yield from settings.plan(self.file.name, list(self), found.unusable(self)))
+
+    def __getattr__(self, name: str) -> Any:
+        if not name.startswith("_"):
+            known = vars(self).get("joints", {})
+            if name in known:
+                return known[name]
+            groups = vars(self).get("groups", {})
+            if name in groups:
+                return groups[name]
+        return super().__getattr__(name)  # type: ignore[misc]
+
+    def __dir__(self) -> list[str]:
+        return sorted([*super().__dir__(), *self.joints, *self.groups])
+
+    def _no_such_attribute(self, name: str) -> str:
+        groups = f", groups {', '.join(self.groups)}" if self.groups else ""
+        return f"{self.file.name} has no joint {name!r}; there are {', '.join(self.joints)}{groups}"
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.file.robot.name}: {', '.join(self.joints)}>"
+
+
+def check_safe(joints: Iterable[Joint]) -> None:
+    """Give each joint's servos the safe action of the file. Raises UsageError for one that a servo cannot do."""
+    for joint in joints:
+        if joint.entry.safe_action is None:
+            continue
+        for part in joint.parts:
+            try:
+                part.servo.safe_action = joint.entry.safe_action
+            except UsageError as error:
+                raise UsageError(f"{joint.name}: {error}") from None

@@ -1,0 +1,1 @@
+"""The robot file: what a robot consists of, as TOML that people read and git keeps."""

@@ -1,0 +1,93 @@
+"""From a robot file to a robot."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from os import PathLike, fspath
+from typing import TYPE_CHECKING, TypeVar
+
+from servobus.connect import open as open_port
+from servobus.errors import PortError
+from servobus.robots.attendance import refuse
+from servobus.robots.base import check_safe
+from servobus.robots.blocking import Robot
+from servobus.robots.file.entries import OPEN_PORT, PortEntry, RobotFile
+from servobus.robots.file.reading import read_file
+from servobus.transports import usb_adapter
+
+if TYPE_CHECKING:
+    from servobus.robots.asyncio import AsyncRobot
+
+USB = "usb:"
+B = TypeVar("B")
+
+
+def robot(file: str | PathLike[str] | RobotFile, *, incomplete: bool = False) -> Robot:
+    """Open a robot: all ports of a robot file, and its joints by name. Nothing moves, torque stays as it is.
+
+        with servobus.robot("arm.toml") as arm:
+            print(arm.positions())
+
+    file        the path of a robot file, or one that was read
+    incomplete  whether to open it although servos are missing or are not those of the file; `arm.attendance` says which
+
+    Raises RobotFileError for a wrong file, PortError for a port that is missing or in use, RobotMismatch where the
+    servos that answer are not those of the file.
+    """
+    contents = file if isinstance(file, RobotFile) else read_file(fspath(file))
+    with ExitStack() as stack:
+        buses = {}
+        for entry in contents.ports.values():
+            bus = _opened(contents, entry, open_port)
+            stack.callback(bus.close)
+            buses[entry.name] = bus
+        opened = Robot(contents, buses)
+        stack.callback(opened.close)
+        check_safe(opened)
+        refuse(opened.check(strangers=False), incomplete=incomplete)
+        stack.pop_all()
+    return opened
+
+
+def robot_async(file: str | PathLike[str] | RobotFile, *, incomplete: bool = False) -> "AsyncRobot":
+    """Open a robot for asyncio: `async with servobus.robot_async("arm.toml") as arm`; see `robot`.
+
+    Its servos are compared with the file as the block begins.
+    """
+    from servobus.connect import open_async  # noqa: PLC0415 - asyncio is slow to import and not always wanted
+    from servobus.robots.asyncio import AsyncRobot  # noqa: PLC0415
+
+    contents = file if isinstance(file, RobotFile) else read_file(fspath(file))
+    with ExitStack() as stack:
+        buses = {}
+        for entry in contents.ports.values():
+            bus = _opened(contents, entry, open_async)
+            stack.callback(bus.close)
+            buses[entry.name] = bus
+        opened = AsyncRobot(contents, buses, incomplete=incomplete)
+        check_safe(opened)
+        stack.pop_all()
+    return opened
+
+
+def _opened(file: RobotFile, entry: PortEntry, open_: Callable[..., B]) -> B:
+    """Open a port of the file."""
+    try:
+        return open_(port_path(entry.path), bauds=entry.bauds, echo=entry.echo)
+    except PortError as error:
+        raise PortError(f"{file.name}: port {entry.name}: {error}") from None
+
+
+def port_path(path: str) -> str:
+    """Give the path of a port: `usb:SERIAL` is where the adapter with this serial number is now.
+
+    Raises PortError if no such adapter is plugged in, or if the file leaves the path open.
+    """
+    if path == OPEN_PORT:
+        raise PortError("its path is not known yet; write it into the file: `servobus ports` lists the ports")
+    if not path.startswith(USB):
+        return path
+    serial = path.removeprefix(USB)
+    for adapter in usb_adapter.adapters():
+        if adapter.serial_number == serial:
+            return adapter.device
+    raise PortError(f"no USB adapter with serial number {serial} is plugged in; `servobus ports` lists those that are")
