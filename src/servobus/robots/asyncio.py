@@ -28,6 +28,7 @@ from servobus.robots.steps import RobotJob, Together
 
 if TYPE_CHECKING:
     from servobus.robots.cycle import AsyncRobotCycle
+    from servobus.robots.follow import AsyncFollow
     from servobus.robots.motion import Motion
     from servobus.robots.play import AsyncPlay
     from servobus.robots.trajectory.path import Trajectory
@@ -238,6 +239,18 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
         from servobus.robots.play import AsyncPlay  # noqa: PLC0415 - not every program plays motions
 
         return AsyncPlay(self, self._ports, list(self), self.motion(motion), rate, loop=loop)
+
+    def follow(self, *joints: str, rate: float = 100.0, jerk: float | None = None) -> "AsyncFollow":
+        """Prepare joints, by default all, to be given new goals while they move; see servobus.robots.follow.
+
+        rate  goals a second, 1 to 1000
+        jerk  rad/s³, the limit for joints of which the file says none: with it jerk is limited, which needs ruckig
+
+        Nothing is sent yet. Raises UnknownName for a joint that is not there, UsageError where ruckig is not installed.
+        """
+        from servobus.robots.follow import AsyncFollow  # noqa: PLC0415 - not every program gives goals in flight
+
+        return AsyncFollow(self, self._ports, self.named(*joints), rate, jerk)
 
     def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> None:
         """Guard streamed motion on all ports; see `Bus.watch`."""

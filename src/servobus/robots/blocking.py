@@ -24,6 +24,7 @@ from servobus.robots.steps import RobotJob
 
 if TYPE_CHECKING:
     from servobus.robots.cycle import BlockingRobotCycle
+    from servobus.robots.follow import BlockingFollow
     from servobus.robots.motion import Motion
     from servobus.robots.play import BlockingPlay
     from servobus.robots.trajectory.path import Trajectory
@@ -182,6 +183,18 @@ class Robot(RobotJoints, BaseRobot[RobotJoint, Bus]):
         from servobus.robots.play import BlockingPlay  # noqa: PLC0415 - not every program plays motions
 
         return BlockingPlay(self, self._ports, list(self), self.motion(motion), rate, loop=loop)
+
+    def follow(self, *joints: str, rate: float = 100.0, jerk: float | None = None) -> "BlockingFollow":
+        """Prepare joints, by default all, to be given new goals while they move; see servobus.robots.follow.
+
+        rate  goals a second, 1 to 1000
+        jerk  rad/s³, the limit for joints of which the file says none: with it jerk is limited, which needs ruckig
+
+        Nothing is sent yet. Raises UnknownName for a joint that is not there, UsageError where ruckig is not installed.
+        """
+        from servobus.robots.follow import BlockingFollow  # noqa: PLC0415 - not every program gives goals in flight
+
+        return BlockingFollow(self, self._ports, self.named(*joints), rate, jerk)
 
     def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> None:
         """Guard streamed motion on all ports; see `Bus.watch`."""
