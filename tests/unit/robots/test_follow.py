@@ -78,18 +78,18 @@ def test_nothing_follows_without_torque_and_a_silent_joint_ends_it() -> None:
     with opened() as arm:
         with pytest.raises(TorqueOff, match="base: torque is off"):
             arm.follow("base", rate=RATE).wait()
-        with arm.torque():
-            follow = arm.follow("base", "grip", rate=RATE)
-            follow.aim(base=115 * deg, grip=60 * deg)
-            port = port_of(arm, "hand")
-            with pytest.raises(BusError, match="grip does not answer any more; all joints of the motion were stopped"):
-                for n, _ in enumerate(follow):
-                    if n == 20:
-                        port.rig.unplug(port.servos, port.now())
-            stood = goals_in(arm, "base")
-            port_of(arm, "left").sleep(0.5)
-            assert goals_in(arm, "base") == stood
-            assert arm["base"].position() < 100 * deg
+        arm.torque_on()
+        follow = arm.follow("base", "grip", rate=RATE)
+        follow.aim(base=115 * deg, grip=60 * deg)
+        port = port_of(arm, "hand")
+        with pytest.raises(BusError, match="grip does not answer any more; all joints of the motion were stopped"):
+            for n, _ in enumerate(follow):
+                if n == 20:
+                    port.rig.unplug(port.servos, port.now())
+        stood = goals_in(arm, "base")
+        port_of(arm, "left").sleep(0.5)
+        assert goals_in(arm, "base") == stood
+        assert arm["base"].position() < 100 * deg
 
 
 def test_an_asynchronous_robot_follows_the_same() -> None:
