@@ -13,6 +13,7 @@ class RobotGroup(VerbGroup):
     verbs: ClassVar = {
         "Robot": {
             "check": ("robots.check:check", "Compare who answers with the robot file."),
+            "schema": ("robots.schema:schema", "Print what an editor checks a robot file with."),
         },
     }
 

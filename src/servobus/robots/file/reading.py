@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
 
-from servobus.core.units import show
+from servobus.core.units import deg, show
 from servobus.core.values import frozen
 from servobus.errors import RobotFileError, UsageError
 from servobus.robots.file.entries import (
@@ -37,6 +37,8 @@ NAMED = {"port": PortEntry, "joint": JointEntry, "motion": MotionEntry}
 PARTS: dict[str, type] = {"mirror": MirrorEntry, "protect": ProtectEntry, "load": LoadEntry}
 """Tables inside that of a joint."""
 ANGLE = Measured("rad", "90deg")
+WRITTEN = 1e-4 * deg
+"""rad by which an angle in a file may miss what it stands for: it is written with so many digits."""
 
 
 def read_file(path: str | PathLike[str]) -> RobotFile:
@@ -219,7 +221,7 @@ class _Reader:
                     ("joint", joint.name, "zero"), "the two servos have no angle in common; look at both zeros"
                 )
             return
-        if (low, high) != joint.limits:
+        if low - joint.limits[0] > WRITTEN or joint.limits[1] - high > WRITTEN:
             can = replace(joint, limits=None).range
             self._refuse(
                 path,
@@ -242,7 +244,7 @@ class _Reader:
         for joint, angle in angles.items():
             self._there(joint, file.joints, (*path, joint), "joint")
             low, high = file.joints[joint].range
-            if not low - 1e-9 <= angle <= high + 1e-9:
+            if not low - WRITTEN <= angle <= high + WRITTEN:
                 self._refuse(
                     (*path, joint),
                     f"{show(angle, 'rad')} is outside the limits of the joint, {show(low, 'rad')} .. "
