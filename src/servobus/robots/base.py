@@ -1,7 +1,7 @@
 """What the blocking and the asynchronous robot share: joints, groups of them, and what one asks of them together."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from servobus.bus.base import BaseBus
 from servobus.core.closed import Closed
@@ -18,6 +18,10 @@ from servobus.robots.move import JointMove
 from servobus.robots.ports import Ports
 from servobus.robots.steps import RobotJob
 from servobus.robots.values import ByJoint, named_angles
+
+if TYPE_CHECKING:
+    from servobus.robots.motion import Motion
+    from servobus.robots.trajectory.path import Trajectory
 
 J = TypeVar("J", bound="JointVerbs")
 B = TypeVar("B", bound=BaseBus[Any])
@@ -203,6 +207,17 @@ class BaseRobot(JointSet[J], Generic[J, B]):
         if name not in self.file.poses:
             raise UnknownName(f"{self.file.name}: no pose {name!r}; there are {', '.join(self.file.poses) or 'none'}")
         return self.file.poses[name]
+
+    def motion(self, motion: "str | Motion | Trajectory") -> "Motion | Trajectory":
+        """Give a motion of the file by its name; one that is given itself is given back. Raises UnknownName."""
+        if not isinstance(motion, str):
+            return motion
+        if motion not in self.file.motions:
+            known = ", ".join(self.file.motions) or "none"
+            raise UnknownName(f"{self.file.name}: no motion {motion!r}; there are {known}")
+        from servobus.robots.motion import motion_of  # noqa: PLC0415 - not every program plays motions
+
+        return motion_of(self.file, motion)
 
     @bus_method
     @urgent(Priority.SCAN)

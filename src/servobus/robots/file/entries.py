@@ -253,7 +253,7 @@ class MotionEntry:
 
     name: str
     path: str = key(
-        OneOf(("cubic", "quintic", "monotone")), "Curve through the steps: cubic, quintic or monotone.", default="cubic"
+        OneOf(("cubic", "quintic", "pchip")), "Curve through the steps: cubic, quintic or pchip.", default="cubic"
     )
     loop: bool = key(Switch(example=False), "Whether it begins again where it ends.", default=False)
     file: str | None = key(
