@@ -38,6 +38,7 @@ direction = -1
 ratio = 1.5
 limits = ["-0.5rad", "0.25turn"]
 speed = "120deg/s"
+limits_in_servo = true
 acceleration = "400deg/s2"
 jerk = "4000deg/s3"
 safe_action = "free"
@@ -60,7 +61,7 @@ hip = "0deg"
 knee = "+10deg"
 
 [motion.step]
-path = "monotone"
+path = "pchip"
 loop = true
 steps = [
   { time = "0s", pose = "home" },
@@ -97,7 +98,7 @@ BAD = [
     ('hip = "0deg"', "hip = 0"),
     ("[joint.knee]", '[joint."1 knee"]'),
     ("[joint.knee]", "[joins.knee]"),
-    ('path = "monotone"', 'path = "zigzag"'),
+    ('path = "pchip"', 'path = "zigzag"'),
     ('time = "0s", ', ""),
     ('file = "wave.csv"', ""),
     ('file = "wave.csv"', 'file = "wave.csv"\nsteps = [{ time = "0s", pose = "home" }]'),
