@@ -125,7 +125,8 @@ class _Reader:
             for joint, angle in step.joints.items():
                 self._value((*path, "steps", joint), ANGLE.read, angle)
         times = [step.time for step in made]
-        if late := next((two for one, two in pairwise(times) if not one < two), None):
+        late = next((two for one, two in pairwise(times) if not one < two), None)
+        if late is not None:
             self._refuse((*path, "steps"), f"each step comes later than the one before it; {show(late, 's')} does not")
         rest = {key: value for key, value in table.items() if key != "steps"}
         return self._entry(MotionEntry, rest, path, also=("steps",), name=name, steps=made)
