@@ -24,12 +24,16 @@ GRAVE: tuple[Kind, ...] = ("missing", "wrong model", "swapped", "unclear", "port
 
 @frozen
 class Finding:
-    """One thing that is not as the file says. `joint` is "" for a stranger and for a port."""
+    """One thing that is not as the file says. `joint` is "" for a stranger and for a port.
+
+    `n` says which servo of the joint is meant, from 0 on.
+    """
 
     kind: Kind
     joint: str
     port: str
     text: str
+    n: int = 0
 
 
 @frozen
@@ -113,9 +117,9 @@ def _absent(joint: Joint, part: Part, error: Exception) -> Finding:
             f"{joint.name} is missing: {servo.target} at {servo.baud} baud does not answer on port {part.port}; look "
             "at its plug and its power, or `servobus robot adopt` a new servo in its place"
         )
-        return Finding("missing", joint.name, part.port, text)
+        return Finding("missing", joint.name, part.port, text, joint.parts.index(part))
     kind: Kind = "restarted" if isinstance(error, Restarted) else "unclear"
-    return Finding(kind, joint.name, part.port, f"{joint.name}: {error}")
+    return Finding(kind, joint.name, part.port, f"{joint.name}: {error}", joint.parts.index(part))
 
 
 def _wrong(numbers: Mapping[tuple[Joint, Part], int | None]) -> list[Finding]:
