@@ -40,8 +40,8 @@ NAMED = {"port": PortEntry, "joint": JointEntry, "motion": MotionEntry}
 PARTS: dict[str, type] = {"mirror": MirrorEntry, "protect": ProtectEntry, "load": LoadEntry}
 """Tables inside that of a joint."""
 ANGLE = Measured("rad", "90deg")
-WRITTEN = 1e-4 * deg
-"""rad by which an angle in a file may miss what it stands for: it is written with so many digits."""
+ROUNDING = 1e-4 * deg
+"""rad by which an angle may miss a limit: files have angles with so many digits, and reckoning rounds."""
 
 
 def read_file(path: str | PathLike[str]) -> RobotFile:
@@ -225,7 +225,7 @@ class _Reader:
                     ("joint", joint.name, "zero"), "the two servos have no angle in common; look at both zeros"
                 )
             return
-        if low - joint.limits[0] > WRITTEN or joint.limits[1] - high > WRITTEN:
+        if low - joint.limits[0] > ROUNDING or joint.limits[1] - high > ROUNDING:
             can = replace(joint, limits=None).range
             self._refuse(
                 path,
@@ -251,7 +251,7 @@ class _Reader:
         for joint, angle in angles.items():
             self._there(joint, file.joints, (*path, joint), "joint")
             low, high = file.joints[joint].range
-            if not low - WRITTEN <= angle <= high + WRITTEN:
+            if not low - ROUNDING <= angle <= high + ROUNDING:
                 self._refuse(
                     (*path, joint),
                     f"{show(angle, 'rad')} is outside the limits of the joint, {show(low, 'rad')} .. "
