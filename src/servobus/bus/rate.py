@@ -5,14 +5,13 @@ sends in a burst what it should have sent before.
 """
 
 import math
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
 
 from servobus.core.arguments import check_above_0
 from servobus.core.exchange import Pause, Procedure
 from servobus.core.operation import Awaiting, Blocking
 from servobus.core.values import frozen
 from servobus.errors import UsageError
-from servobus.transports.base import Transport
 
 EXACT = 1e-9
 """s by which a tick may be late and still be in time: what rounding does."""
@@ -42,28 +41,29 @@ class Rate:
     worst     longest time by which one did, s
     """
 
-    def __init__(self, bus: Blocking | Awaiting, transport: Transport, period: float) -> None:
+    def __init__(self, owner: Blocking | Awaiting, clock: Callable[[], float], period: float) -> None:
+        """Give turns every `period` s of a clock; between them the owner, a bus or a robot, carries out a pause."""
         self.period = check_above_0("period", period)
         self.ticks = self.missed = self.overruns = 0
         self.worst = 0.0
-        self._bus, self._clock = bus, transport.now
+        self._owner, self._clock = owner, clock
 
     def __iter__(self) -> Iterator[Tick]:
-        bus = self._bus
-        if not isinstance(bus, Blocking):
+        owner = self._owner
+        if not isinstance(owner, Blocking):
             raise UsageError("on an AsyncBus a loop is written `async for tick in ...`")
         for tick, due in self._turns():
             if (early := due - self._clock()) > 0:
-                bus.do(_rest(early))
+                owner.do(_rest(early))
             yield tick
 
     async def __aiter__(self) -> AsyncIterator[Tick]:
-        bus = self._bus
-        if not isinstance(bus, Awaiting):
+        owner = self._owner
+        if not isinstance(owner, Awaiting):
             raise UsageError("on a Bus a loop is written `for tick in ...`, without async")
         for tick, due in self._turns():
             if (early := due - self._clock()) > 0:
-                await bus.do(_rest(early))
+                await owner.do(_rest(early))
             yield tick
 
     def _turns(self) -> Iterator[tuple[Tick, float]]:

@@ -23,11 +23,14 @@ from servobus.robots.base import BaseRobot, JointSet, JointVerbs
 from servobus.robots.file.entries import JointEntry, RobotFile
 from servobus.robots.joint import Part, parts_of
 from servobus.robots.move import JointMove
-from servobus.robots.ports import Ports, rest
+from servobus.robots.ports import Ports
 from servobus.robots.steps import RobotJob, Together
 
 if TYPE_CHECKING:
     from servobus.robots.cycle import AsyncRobotCycle
+    from servobus.robots.motion import Motion
+    from servobus.robots.play import AsyncPlay
+    from servobus.robots.trajectory.path import Trajectory
 
 T = TypeVar("T")
 
@@ -44,7 +47,8 @@ class AsyncPorts(Ports[AsyncBus]):
                 if isinstance(step, Together):
                     answer = await self._together(step.jobs, priority)
                 elif isinstance(step, Pause):
-                    answer = await self._together({name: rest(step.seconds) for name in self.buses}, priority)
+                    answer = None
+                    await self._pause(step.seconds)
                 else:
                     answer = self.now()
         except StopIteration as stop:
@@ -61,11 +65,18 @@ class AsyncPorts(Ports[AsyncBus]):
                 return error
 
         if not self.real:
+            self.align(self.now())
             outcomes = {port: await one(port, job) for port, job in jobs.items()}
-            self.align()
+            self.align(self.now())
             return outcomes
         came = await asyncio.gather(*(one(port, job) for port, job in jobs.items()))
         return dict(zip(jobs, came, strict=True))
+
+    async def _pause(self, seconds: float) -> None:
+        if self.real:
+            await asyncio.sleep(max(seconds, 0.0))
+        else:
+            self.align(self.now() + seconds)
 
 
 class AsyncRobotMove:
@@ -212,6 +223,21 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
         """Give the ports back. Torque stays as it is."""
         for bus in self.buses.values():
             bus.close()
+
+    def play(
+        self, motion: "str | Motion | Trajectory", *, rate: float = 100.0, loop: bool | None = None
+    ) -> "AsyncPlay":
+        """Prepare a motion: a name of the robot file, a `Motion`, or a `Trajectory`. Nothing is sent yet.
+
+        rate   goals a second, 1 to 1000
+        loop   whether it begins again where it ends; as the file says by default
+
+        Raises UnknownName, and BadValue where a joint would leave its limits. Limits of speed, acceleration and jerk
+        stretch the time of the motion where it is too quick; `duration` of what is given tells the time.
+        """
+        from servobus.robots.play import AsyncPlay  # noqa: PLC0415 - not every program plays motions
+
+        return AsyncPlay(self, self._ports, list(self), self.motion(motion), rate, loop=loop)
 
     def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> None:
         """Guard streamed motion on all ports; see `Bus.watch`."""

@@ -1,6 +1,6 @@
 """Who is there: the servos that answer, compared with the robot file. Nothing moves, nothing is written."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from servobus.bus.base import BaseBus
@@ -24,12 +24,16 @@ GRAVE: tuple[Kind, ...] = ("missing", "wrong model", "swapped", "unclear", "port
 
 @frozen
 class Finding:
-    """One thing that is not as the file says. `joint` is "" for a stranger and for a port."""
+    """One thing that is not as the file says. `joint` is "" for a stranger and for a port.
+
+    `n` says which servo of the joint is meant, from 0 on.
+    """
 
     kind: Kind
     joint: str
     port: str
     text: str
+    n: int = 0
 
 
 @frozen
@@ -46,6 +50,12 @@ class Attendance:
     def grave(self) -> tuple[Finding, ...]:
         """The findings without strangers and restarts, with which the robot works all the same."""
         return tuple(finding for finding in self.findings if finding.kind in GRAVE)
+
+    def unusable(self, joints: Iterable[Joint]) -> dict[str, str]:
+        """Tell which of these joints cannot be used as the file says: name -> why."""
+        ports = {finding.port: finding.text for finding in self.grave if finding.kind == "port"}
+        gone = {joint.name: ports[part.port] for joint in joints for part in joint.parts if part.port in ports}
+        return gone | {finding.joint: finding.text for finding in self.grave if finding.joint}
 
     def __str__(self) -> str:
         if not self.findings:
@@ -107,9 +117,9 @@ def _absent(joint: Joint, part: Part, error: Exception) -> Finding:
             f"{joint.name} is missing: {servo.target} at {servo.baud} baud does not answer on port {part.port}; look "
             "at its plug and its power, or `servobus robot adopt` a new servo in its place"
         )
-        return Finding("missing", joint.name, part.port, text)
+        return Finding("missing", joint.name, part.port, text, joint.parts.index(part))
     kind: Kind = "restarted" if isinstance(error, Restarted) else "unclear"
-    return Finding(kind, joint.name, part.port, f"{joint.name}: {error}")
+    return Finding(kind, joint.name, part.port, f"{joint.name}: {error}", joint.parts.index(part))
 
 
 def _wrong(numbers: Mapping[tuple[Joint, Part], int | None]) -> list[Finding]:

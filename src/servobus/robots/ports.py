@@ -12,7 +12,7 @@ from typing import Any, Generic, TypeVar
 
 from servobus.bus.base import BaseBus
 from servobus.bus.blocking import Bus
-from servobus.core.exchange import Job, Pause, Procedure
+from servobus.core.exchange import Job, Pause
 from servobus.core.operation import Priority
 from servobus.errors import ServobusError, UsageError
 from servobus.robots.steps import RobotJob, Together
@@ -44,11 +44,10 @@ class Ports(Generic[B]):
         """Turn a moment of a port's clock into one of the robot's."""
         return moment - self._behind[port] if self.real else moment
 
-    def align(self) -> None:
-        """Let all ports on a virtual clock stand at the same moment: that of the last."""
-        end = self.now()
+    def align(self, moment: float) -> None:
+        """Let all ports on a virtual clock stand at this moment, unless they are beyond."""
         for bus in self.buses.values():
-            if (behind := end - bus.transport.now()) > 0:
+            if (behind := moment - bus.transport.now()) > 0:
                 bus.transport.sleep(behind)
 
 
@@ -73,7 +72,8 @@ class BlockingPorts(Ports[Bus]):
                 if isinstance(step, Together):
                     answer = self._together(step.jobs, priority)
                 elif isinstance(step, Pause):
-                    answer = self._together({name: rest(step.seconds) for name in self.buses}, priority)
+                    answer = None
+                    self._pause(step.seconds)
                 else:
                     answer = self.now()
         except StopIteration as stop:
@@ -90,8 +90,9 @@ class BlockingPorts(Ports[Bus]):
                 return error
 
         if not self.real:
+            self.align(self.now())
             outcomes = {port: one(port, job) for port, job in jobs.items()}
-            self.align()
+            self.align(self.now())
             return outcomes
         # One of the jobs is this thread's own: a robot with one port needs no other.
         (own, own_job), *others = jobs.items()
@@ -99,12 +100,13 @@ class BlockingPorts(Ports[Bus]):
         outcomes = {own: one(own, own_job)}
         return outcomes | {port: future.result() for port, future in running}
 
+    def _pause(self, seconds: float) -> None:
+        if self.real:
+            time.sleep(max(seconds, 0.0))  # no line is held, so others use them meanwhile
+        else:
+            self.align(self.now() + seconds)
+
     def _begin(self, work: Callable[..., Any], *args: Any) -> "Future[Any]":
         if self._threads is None:
             self._threads = ThreadPoolExecutor(len(self.buses), thread_name_prefix="servobus-port")
         return self._threads.submit(work, *args)
-
-
-def rest(seconds: float) -> Procedure[None]:
-    """Wait on one port, and let others use its line meanwhile."""
-    yield Pause(seconds, shared=True)

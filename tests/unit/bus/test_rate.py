@@ -13,7 +13,7 @@ from unit.scripted import Scripted
 def turns(busy: list[float], period: float = 0.01) -> tuple[list[tuple[float, Tick]], Rate]:
     """Let a loop spend these times in its turns; give when each began, and what it was told."""
     port = Scripted()
-    pace = Rate(Bus(port, echo=False), port, period)
+    pace = Rate(Bus(port, echo=False), port.now, period)
     seen: list[tuple[float, Tick]] = []
     for tick in pace:
         seen.append((port.now(), tick))
@@ -51,7 +51,7 @@ def test_a_turn_late_by_more_than_half_a_period_is_left_out(busy: float, begins:
 def test_async() -> None:
     async def main() -> None:
         port = Scripted()
-        pace = Rate(AsyncBus(port, echo=False), port, 0.01)
+        pace = Rate(AsyncBus(port, echo=False), port.now, 0.01)
         times = []
         async for tick in pace:
             times.append(port.now())
@@ -68,4 +68,4 @@ def test_async() -> None:
 def test_what_is_no_period(period: float) -> None:
     port = Scripted()
     with pytest.raises(BadValue):
-        Rate(Bus(port, echo=False), port, period)
+        Rate(Bus(port, echo=False), port.now, period)

@@ -10,9 +10,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
 
-from servobus.core.units import show
+from servobus.core.registers import Motion, Register
+from servobus.core.units import deg, show
 from servobus.core.values import frozen
 from servobus.errors import RobotFileError, UsageError
+from servobus.jobs.backup import identity_names
 from servobus.robots.file.entries import (
     JointEntry,
     LoadEntry,
@@ -25,6 +27,7 @@ from servobus.robots.file.entries import (
     ServoEntry,
     StepEntry,
     keys_of,
+    raw_setting,
 )
 from servobus.robots.file.kinds import Measured, Name, Names, shown
 from servobus.robots.file.lines import line_of
@@ -37,13 +40,15 @@ NAMED = {"port": PortEntry, "joint": JointEntry, "motion": MotionEntry}
 PARTS: dict[str, type] = {"mirror": MirrorEntry, "protect": ProtectEntry, "load": LoadEntry}
 """Tables inside that of a joint."""
 ANGLE = Measured("rad", "90deg")
+ROUNDING = 1e-4 * deg
+"""rad by which an angle may miss a limit: files have angles with so many digits, and reckoning rounds."""
 
 
 def read_file(path: str | PathLike[str]) -> RobotFile:
     """Read a robot file. Raises RobotFileError."""
     where = Path(fspath(path))
     try:
-        text = where.read_text(encoding="utf-8")
+        text = read_bytes(where)
     except FileNotFoundError:
         raise RobotFileError(
             f"{where}: no such file; `servobus robot init PORT -o {where.name}` makes one from the servos of a port"
@@ -51,6 +56,11 @@ def read_file(path: str | PathLike[str]) -> RobotFile:
     except (OSError, UnicodeDecodeError) as error:
         raise RobotFileError(f"{where}: cannot be read as text: {error}") from None
     return read_text(text, where)
+
+
+def read_bytes(path: Path) -> str:
+    """Give the text of a file, with its line ends as they are. Raises OSError or UnicodeDecodeError."""
+    return path.read_bytes().decode("utf-8-sig")
 
 
 def read_text(text: str, path: Path | None = None) -> RobotFile:
@@ -115,7 +125,8 @@ class _Reader:
             for joint, angle in step.joints.items():
                 self._value((*path, "steps", joint), ANGLE.read, angle)
         times = [step.time for step in made]
-        if late := next((two for one, two in pairwise(times) if not one < two), None):
+        late = next((two for one, two in pairwise(times) if not one < two), None)
+        if late is not None:
             self._refuse((*path, "steps"), f"each step comes later than the one before it; {show(late, 's')} does not")
         rest = {key: value for key, value in table.items() if key != "steps"}
         return self._entry(MotionEntry, rest, path, also=("steps",), name=name, steps=made)
@@ -214,7 +225,7 @@ class _Reader:
                     ("joint", joint.name, "zero"), "the two servos have no angle in common; look at both zeros"
                 )
             return
-        if (low, high) != joint.limits:
+        if low - joint.limits[0] > ROUNDING or joint.limits[1] - high > ROUNDING:
             can = replace(joint, limits=None).range
             self._refuse(
                 path,
@@ -223,21 +234,24 @@ class _Reader:
             )
 
     def _registers(self, joint: JointEntry) -> None:
+        path = ("joint", joint.name)
+        if joint.limits_in_servo and joint.limits is None:
+            self._refuse((*path, "limits_in_servo"), "there are no limits to keep in the servo; write `limits` too")
         for name, value in joint.registers.items():
             for servo in joint.servos:
                 try:
                     row = servo.model.register(name)
-                    row.check(value) if isinstance(value, int) and not isinstance(value, bool) else row.check(
-                        row.encode(row.scale.parse(str(value).lower()))
-                    )
+                    raw_setting(row, value)
                 except (UsageError, ValueError) as error:
-                    self._refuse(("joint", joint.name, "registers", name), str(error))
+                    self._refuse((*path, "registers", name), str(error))
+                if (why := _no_setting(joint, row, servo)) is not None:
+                    self._refuse((*path, "registers", name), why)
 
     def _angles(self, file: RobotFile, path: tuple[str, ...], angles: Mapping[str, float]) -> None:
         for joint, angle in angles.items():
             self._there(joint, file.joints, (*path, joint), "joint")
             low, high = file.joints[joint].range
-            if not low - 1e-9 <= angle <= high + 1e-9:
+            if not low - ROUNDING <= angle <= high + ROUNDING:
                 self._refuse(
                     (*path, joint),
                     f"{show(angle, 'rad')} is outside the limits of the joint, {show(low, 'rad')} .. "
@@ -259,6 +273,18 @@ class _Reader:
         line = line_of(self.text, path)
         where = self.name if line is None else f"{self.name}:{line}"
         raise RobotFileError(f"{where}: [{'.'.join(path)}] {why}")
+
+
+def _no_setting(joint: JointEntry, row: Register[Any], servo: ServoEntry) -> str | None:
+    """Say why a register cannot be a setting that is kept; None if it can."""
+    if row.name in identity_names(servo.model):
+        return f"{row.name} says where the servo is found: write `id` and `baud` of the joint, and set-id and set-baud"
+    if row.motion in (Motion.GOAL, Motion.SPEED, Motion.MODE) or row is servo.model.register("torque_enable"):
+        return f"{row.name} is a command and no setting: leave it out, and move the joint instead"
+    limits = [servo.model.register(name) for name in ("min_position", "max_position")]
+    if joint.limits_in_servo and row in limits:
+        return f"{row.name} is worked out from the limits of the joint, for limits_in_servo is true; leave one out"
+    return None
 
 
 def _meant(name: str, names: Sequence[str]) -> str:
