@@ -21,6 +21,7 @@ from typing import Self
 from servobus.errors import PortError, UsageError
 from servobus.transports.pty import PseudoTerminal
 from servobus.virtual.serve.rig import Rig
+from servobus.virtual.serve.run_queue import RunQueue
 from servobus.virtual.serve.spec import REAL_CLOCK
 
 PULSE = 0.02
@@ -55,20 +56,27 @@ class Port(ABC):
         """Carry bytes until `stop` is set. The rig's time 0 is now."""
         started = time.monotonic()
         kept_up = 0.0
-        while not stop.is_set():
-            now = time.monotonic() - started
-            if self.rig.gone(now):
-                self._stay_away(stop, started)
-                continue
-            if replies := self.rig.receive(now):
-                self._send(replies)
-            look = self.rig.next_look()
-            if data := self._wait(PULSE if look is None else min(max(look - now, 0), PULSE)):
-                self.rig.client_baud = self._baud()
-                self.rig.send(data, time.monotonic() - started)
-            elif look is None and (now := time.monotonic() - started) - kept_up >= PULSE:
-                self._keep_up(now)
-                kept_up = now
+        with RunQueue() as queue:
+            while not stop.is_set():
+                now = time.monotonic() - started
+                if self.rig.gone(now):
+                    self._stay_away(stop, started)
+                    continue
+                if replies := self.rig.receive(now):
+                    self._send(replies)
+                look, waited = self.rig.next_look(), queue.waited()
+                timeout = PULSE if look is None else min(max(look - now, 0), PULSE)
+                if data := self._wait(timeout):
+                    came = time.monotonic() - started
+                    # A servo does not answer late because the computer is busy: what ended the wait has come when this
+                    # thread could have run. What came after the wait was over has come at some time since then.
+                    if (could_run := came - (queue.waited() - waited)) < now + timeout:
+                        came = max(could_run, now)
+                    self.rig.client_baud = self._baud()
+                    self.rig.send(data, came)
+                elif look is None and (now := time.monotonic() - started) - kept_up >= PULSE:
+                    self._keep_up(now)
+                    kept_up = now
 
     def _appear(self) -> None:
         with ExitStack() as stack:
