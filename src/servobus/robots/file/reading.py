@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
 
 from servobus.core.registers import Motion, Register
-from servobus.core.units import show
+from servobus.core.units import deg, show
 from servobus.core.values import frozen
 from servobus.errors import RobotFileError, UsageError
 from servobus.jobs.backup import identity_names
@@ -40,8 +40,8 @@ NAMED = {"port": PortEntry, "joint": JointEntry, "motion": MotionEntry}
 PARTS: dict[str, type] = {"mirror": MirrorEntry, "protect": ProtectEntry, "load": LoadEntry}
 """Tables inside that of a joint."""
 ANGLE = Measured("rad", "90deg")
-ROUNDING = 1e-9
-"""rad by which a limit may be missed by reckoning."""
+ROUNDING = 1e-4 * deg
+"""rad by which an angle may miss a limit: files have angles with so many digits, and reckoning rounds."""
 
 
 def read_file(path: str | PathLike[str]) -> RobotFile:
@@ -225,7 +225,7 @@ class _Reader:
                     ("joint", joint.name, "zero"), "the two servos have no angle in common; look at both zeros"
                 )
             return
-        if any(abs(can - asked) > ROUNDING for can, asked in zip((low, high), joint.limits, strict=True)):
+        if low - joint.limits[0] > ROUNDING or joint.limits[1] - high > ROUNDING:
             can = replace(joint, limits=None).range
             self._refuse(
                 path,
