@@ -56,19 +56,24 @@ class Port(ABC):
         started = time.monotonic()
         kept_up = 0.0
         while not stop.is_set():
-            now = time.monotonic() - started
-            if self.rig.gone(now):
+            with self.rig.lock:
+                now = time.monotonic() - started
+                gone = self.rig.gone(now)
+                replies, look = (b"", None) if gone else (self.rig.receive(now), self.rig.next_look())
+            if gone:
                 self._stay_away(stop, started)
                 continue
-            if replies := self.rig.receive(now):
+            if replies:
                 self._send(replies)
-            look = self.rig.next_look()
-            if data := self._wait(PULSE if look is None else min(max(look - now, 0), PULSE)):
-                self.rig.client_baud = self._baud()
-                self.rig.send(data, time.monotonic() - started)
-            elif look is None and (now := time.monotonic() - started) - kept_up >= PULSE:
-                self._keep_up(now)
-                kept_up = now
+            data = self._wait(PULSE if look is None else min(max(look - now, 0), PULSE))
+            with self.rig.lock:
+                now = time.monotonic() - started
+                if data:
+                    self.rig.client_baud = self._baud()
+                    self.rig.send(data, now)
+                elif look is None and now - kept_up >= PULSE:
+                    self._keep_up(now)
+                    kept_up = now
 
     def _appear(self) -> None:
         with ExitStack() as stack:
@@ -78,11 +83,16 @@ class Port(ABC):
     def _stay_away(self, stop: threading.Event, started: float) -> None:
         """Be no port, as the faults ask for, and then another one under the same name. Raises PortError."""
         self._stack.close()
-        while self.rig.gone(now := time.monotonic() - started):
-            self.rig.receive(now)  # does what was posted, such as to mend the fault; what servos send is lost
-            if self.rig.next_look() != -math.inf and stop.wait(PULSE):
+        while True:
+            with self.rig.lock:
+                now = time.monotonic() - started
+                gone = self.rig.gone(now)
+                self.rig.receive(now)  # does what was posted, such as to mend the fault; what servos send is lost
+                more = self.rig.next_look() == -math.inf
+            if not gone:
+                break
+            if not more and stop.wait(PULSE):
                 return
-        self.rig.receive(time.monotonic() - started)
         self._appear()
 
     def _keep_up(self, now: float) -> None:

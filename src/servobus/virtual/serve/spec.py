@@ -31,11 +31,12 @@ NO_OPTIONS: Mapping[str, str] = MappingProxyType({})
 
 
 class Group(NamedTuple):
-    """Servos of one model: their ids, and what is said of them, as it was typed."""
+    """Servos of one model: their ids, what is said of them, as it was typed, and where their shafts stand at first."""
 
     model: type[Model]
     ids: list[int]
     options: Mapping[str, str] = NO_OPTIONS
+    position: float | None = None  # rad; None is where a servo out of its box has it
 
 
 Clock: TypeAlias = Literal["real", "virtual"]
