@@ -13,7 +13,6 @@ and left out; a file that is no TOML is never written over.
 import contextlib
 import os
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -21,14 +20,12 @@ from servobus.core.ids import check_id
 from servobus.errors import BadValue, UnknownName, UsageError
 from servobus.families import registry
 from servobus.families.base import Family, Model
-from servobus.transports.file_lock import open_locked
+from servobus.transports.file_lock import locked_beside, replace_text
 
 ALL = "all"
 """In place of an id: all servos of an adapter of which nothing else is said."""
 ADAPTER = "adapter"
 """Key of the words about the adapter, for people."""
-PATIENCE = 2.0
-"""s for which a program waits for another one that writes the file."""
 HEAD = "# Which servos are of which model, where they cannot say so themselves. Written by `servobus remember`."
 
 Tables = dict[str, dict[str, str]]
@@ -242,44 +239,17 @@ def _changed() -> Iterator[Tables]:
     path = path.resolve()  # a link stays a link
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        lock = path.with_name(f".{path.name}.lock")
-        handle = _locked(lock)
-        try:
+        with locked_beside(path):
             old = read(path) if path.exists() else ""
             tables = parsed(old)
             yield tables
             text = written(tables)
             if text != old and (tables or old):
-                _replace(path, text)
-        finally:
-            with contextlib.suppress(OSError):
-                lock.unlink()  # others that wait for it see that it is gone, and make it anew
-            os.close(handle)
+                replace_text(path, text)
     except OSError as error:
         raise UsageError(
             f"{path} cannot be written: {error.strerror or error}; XDG_CONFIG_HOME can name another folder"
         ) from error
-
-
-def _locked(lock: Path) -> int:
-    end = time.monotonic() + PATIENCE
-    while True:
-        try:
-            return open_locked(lock, os.O_RDWR | os.O_CREAT)
-        except BlockingIOError:
-            if time.monotonic() > end:
-                raise
-            time.sleep(0.01)
-
-
-def _replace(path: Path, text: str) -> None:
-    """Put another text in the place of a file in one step that survives a crash. Only who has the lock does this."""
-    new = path.with_name(f".{path.name}.new")
-    with new.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    new.replace(path)
 
 
 def _log(problem: str) -> None:

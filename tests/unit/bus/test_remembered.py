@@ -17,6 +17,7 @@ from servobus.bus.remembered import Remembered, forget, place, remember
 from servobus.families import registry
 from servobus.families.dynamixel.verbs import DYNAMIXEL1
 from servobus.families.lewansoul.verbs import LEWANSOUL
+from servobus.transports import file_lock
 from servobus.transports.usb_adapter import Adapter, lasting_name
 from servobus.virtual.serve.inprocess import connect
 
@@ -328,7 +329,7 @@ def test_programs_at_one_time_lose_nothing(file: Path) -> None:
 
 
 def test_a_writer_that_does_not_end_is_not_waited_for_long(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(remembered, "PATIENCE", 0.05)
+    monkeypatch.setattr(file_lock, "PATIENCE", 0.05)
     file.parent.mkdir()
     with remembered._changed(), pytest.raises(UsageError, match="cannot be written"):
         remember("port", "", [1], HTS35H)

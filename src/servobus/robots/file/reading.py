@@ -43,7 +43,7 @@ def read_file(path: str | PathLike[str]) -> RobotFile:
     """Read a robot file. Raises RobotFileError."""
     where = Path(fspath(path))
     try:
-        text = where.read_text(encoding="utf-8")
+        text = read_bytes(where)
     except FileNotFoundError:
         raise RobotFileError(
             f"{where}: no such file; `servobus robot init PORT -o {where.name}` makes one from the servos of a port"
@@ -51,6 +51,11 @@ def read_file(path: str | PathLike[str]) -> RobotFile:
     except (OSError, UnicodeDecodeError) as error:
         raise RobotFileError(f"{where}: cannot be read as text: {error}") from None
     return read_text(text, where)
+
+
+def read_bytes(path: Path) -> str:
+    """Give the text of a file, with its line ends as they are. Raises OSError or UnicodeDecodeError."""
+    return path.read_bytes().decode("utf-8-sig")
 
 
 def read_text(text: str, path: Path | None = None) -> RobotFile:
