@@ -154,11 +154,11 @@ class TcpPort(Port):
     def _open(self, stack: ExitStack) -> None:
         host, port = self._address
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        stack.callback(self._leave)  # behind the listener: who is hung up on must not get through once more
         try:
             self._listener = stack.enter_context(socket.create_server((host, port), family=family, backlog=1))
         except (OSError, OverflowError) as error:
             raise PortError(f"cannot listen on {host} port {port}: {error}") from error
-        stack.callback(self._leave)
         shown = f"[{host}]" if ":" in host else host
         self._address = host, self._listener.getsockname()[1]
         self.name = f"socket://{shown}:{self._address[1]}"
