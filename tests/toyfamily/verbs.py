@@ -94,7 +94,7 @@ class Toy(Family):
     def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:  # noqa: ARG002 - no turn
         yield from self.hold(target)
 
-    def push(self, target: ServoRef) -> Procedure[float]:
+    def push(self, target: KnownServo) -> Procedure[float]:
         return float((yield from self.moving(target)))
 
     def read_alarms(self, target: ServoRef) -> Procedure[int]:

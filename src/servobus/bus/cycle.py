@@ -111,6 +111,8 @@ class _Part:
         ]
         self.motion_status: MotionStatus | None = None
         """What was read of it before its first goal."""
+        self.modes = 0
+        """What `ServoRecord.modes` was then."""
         self.position: float | None = None
         """Where it was in the last cycle, rad, if that was read."""
 
@@ -236,7 +238,7 @@ class Cycle:
         self._parts = {servo: _Part(servo, self.read) for servo in self.servos}
         for servo, part in self._parts.items():
             if servo in old:
-                part.motion_status = old[servo].motion_status
+                part.motion_status, part.modes = old[servo].motion_status, old[servo].modes
         groups: dict[tuple[str, int], _Group] = {}
         for part in self._parts.values():
             family, baud = part.servo.family, part.servo.baud
@@ -277,8 +279,10 @@ class Cycle:
             raw[part] = raw_goal(part.target, angle)
         for part in list(raw):
             try:
-                if part.motion_status is None:
+                modes = part.target.record.modes
+                if part.motion_status is None or part.modes != modes:
                     yield SetBaud(part.servo.baud)
+                    part.modes = modes
                     part.motion_status = yield from part.servo.family.motion_status(part.target)
                 yield from self._check(part, part.motion_status, raw[part])
             except NoReply as error:
@@ -310,10 +314,12 @@ class Cycle:
                 present = target.model.register("present_position")
                 (found,) = yield from target.model.family.read(target, [present])
                 here = present.decode(found)
-            permit.check_step(str(target), abs(row.decode(raw) - here))
+            permit.check_step(str(target), abs(row.decode(raw) - here) * motion_status.shaft)
 
     def _send(self, group: _Group, goals: Mapping[_Part, int], heard: _Heard) -> Procedure[None]:
         raw: dict[ServoRef, int] = {part.target: goal for part, goal in goals.items()}
+        for part, goal in goals.items():
+            part.target.record.goal = goal
         try:
             yield from group.family.goals(raw, self.time)
         except BusError as error:  # the line was not quiet, or its echo broken

@@ -272,7 +272,7 @@ class Family(ABC):
         """Tell whether the servo still moves towards its goal."""
 
     @abstractmethod
-    def push(self, target: ServoRef) -> Procedure[float]:
+    def push(self, target: KnownServo) -> Procedure[float]:
         """Read how hard the servo pushes, as a share 0 .. 1 of the output that it is allowed now."""
 
     def known_alarms(self, model: type[Model], alarms: int) -> int:  # noqa: ARG002 - most families know all bits

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from servobus.core.exchange import Procedure
-from servobus.core.registers import Register
+from servobus.core.registers import Motion, Register
 from servobus.errors import BadValue, ServobusError, UsageError
 from servobus.families.model import LimitPair, Model
 from servobus.families.motion import begin_motion, movement
@@ -63,6 +63,9 @@ def set_registers(target: KnownServo, values: Mapping[Register[Any], int], *, ke
     record.forget(in_ram)  # until it is known that they arrived
     for register in values:
         record.lent.pop(register, None)
+        if register.motion is Motion.GOAL:
+            record.goal = None
+        record.modes += register.motion in (Motion.LIMIT, Motion.MODE)
     try:
         with before_told({row: before[row] for row in fresh if row in before}):
             for part in _policy_last(target.model, values):

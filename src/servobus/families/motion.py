@@ -87,6 +87,12 @@ def nearest(target: ServoRef, status: MotionStatus) -> int:
     return min(max(raw_position(target, status), status.low), status.high)
 
 
+def way_to(target: ServoRef, status: MotionStatus, goal: int) -> float:
+    """Give how far the shaft turns, rad, from where a servo is to a raw goal."""
+    way: float = abs(target.model.register("goal_position").decode(goal) - status.position) * status.shaft
+    return way
+
+
 def counts_turns(target: ServoRef, status: MotionStatus) -> bool:
     """Tell whether a servo is in multi-turn mode: its goals lie further than its limits can say."""
     return status.high > target.model.register("max_position").limits[1]
@@ -131,7 +137,7 @@ def check_goal(target: KnownServo, status: MotionStatus, goal: int, *, step: boo
     if not status.low <= goal <= status.high:
         shown = row.show(row.decode(goal))
         raise BadValue(f"{target}: {shown} is outside the limits set in it, {show_limits(target, status)}")
-    distance: float = abs(row.decode(goal) - status.position) * status.shaft
+    distance = way_to(target, status, goal)
     if step:
         target.permit.check_step(str(target), distance)
     return distance

@@ -32,10 +32,12 @@ class ServoRecord:
     eeprom_writes   values written to its EEPROM so far
     ram             raw values that we gave it and that it keeps by itself until it restarts
     lent            speed, or time, of moves that it had, raw, before a move set its own
+    goal            raw goal of the last move; None where it may have another one, which it tells itself
+    modes           how often we have changed what its goals mean: limits, or a mode
     restarted       whether it lost them, so that it must not be moved before the torque is switched on anew
     """
 
-    __slots__ = ("_recent", "clock", "eeprom_writes", "lent", "most", "ram", "restarted")
+    __slots__ = ("_recent", "clock", "eeprom_writes", "goal", "lent", "modes", "most", "ram", "restarted")
 
     def __init__(self) -> None:
         self.clock: Callable[[], float] = time.monotonic
@@ -43,6 +45,8 @@ class ServoRecord:
         self.eeprom_writes = 0
         self.ram: dict[Register[Any], int] = {}
         self.lent: dict[Register[Any], int] = {}
+        self.goal: int | None = None
+        self.modes = 0
         self.restarted = False
         self._recent: dict[str, list[float]] = {}
         """Register -> times of its last writes."""
@@ -85,6 +89,8 @@ class ServoRecord:
         """Expect nothing of these RAM values any more, or of all."""
         if registers is None:
             self.lent.clear()
+            self.goal = None
+            self.modes += 1
         for register in list(self.ram if registers is None else registers):
             self.ram.pop(register, None)
 

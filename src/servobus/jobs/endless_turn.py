@@ -52,7 +52,7 @@ def turn(target: KnownServo, *, speed: float | None, output: float | None, curre
 
 def position_mode(target: KnownServo, limits: tuple[float, float] | None, *, multi_turn: bool) -> Procedure[None]:
     """Come back from endless turn; `limits` in rad are those to set again; see `Servo.position_mode`."""
-    require_model(target, "come back from endless turn")
+    require_model(target, "count its angles over several turns" if multi_turn else "come back from endless turn")
     raw = None
     if multi_turn:
         raw = target.model.family.multi_turn_limits(target.model)

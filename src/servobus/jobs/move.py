@@ -186,6 +186,8 @@ def _send_leg(move: PlannedMove, now: float) -> Procedure[None]:
         kinds.setdefault((axis.target.model.family.name, axis.target.baud), []).append(axis)
     for kind in kinds.values():
         yield SetBaud(kind[0].target.baud)
+        for axis in kind:
+            axis.target.record.goal = axis.goal
         yield from kind[0].target.model.family.start_moves(kind)
 
 

@@ -6,7 +6,7 @@ from servobus.core.exchange import Procedure
 from servobus.core.units import deg
 from servobus.errors import BadValue
 from servobus.families.base import AxisMove, KnownServo, MotionStatus
-from servobus.families.motion import inside_limits, nearest, no_torque, raw_position
+from servobus.families.motion import inside_limits, nearest, no_torque, raw_position, way_to
 from servobus.jobs.move import SHORTEST, PlannedMove, start_move, wait_arrival
 
 TO_LIMIT_SPEED = 20 * deg
@@ -54,7 +54,7 @@ def _come_in(target: KnownServo, motion_status: MotionStatus, pace: float) -> Pr
     if motion_status.shutdown:
         raise no_torque(target, motion_status.shutdown)
     goal = nearest(target, motion_status)
-    distance = abs(target.model.register("goal_position").decode(goal) - motion_status.position)
+    distance = way_to(target, motion_status, goal)
     target.permit.check_step(str(target), distance)
     axis = AxisMove(target, goal, distance, max(distance / pace, SHORTEST))
     family.check_axis(axis)

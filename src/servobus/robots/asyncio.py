@@ -28,6 +28,9 @@ from servobus.robots.steps import RobotJob, Together
 
 if TYPE_CHECKING:
     from servobus.robots.cycle import AsyncRobotCycle
+    from servobus.robots.motion import Motion
+    from servobus.robots.play import AsyncPlay
+    from servobus.robots.trajectory.path import Trajectory
 
 T = TypeVar("T")
 
@@ -220,6 +223,21 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
         """Give the ports back. Torque stays as it is."""
         for bus in self.buses.values():
             bus.close()
+
+    def play(
+        self, motion: "str | Motion | Trajectory", *, rate: float = 100.0, loop: bool | None = None
+    ) -> "AsyncPlay":
+        """Prepare a motion: a name of the robot file, a `Motion`, or a `Trajectory`. Nothing is sent yet.
+
+        rate   goals a second, 1 to 1000
+        loop   whether it begins again where it ends; as the file says by default
+
+        Raises UnknownName, and BadValue where a joint would leave its limits. Limits of speed, acceleration and jerk
+        stretch the time of the motion where it is too quick; `duration` of what is given tells the time.
+        """
+        from servobus.robots.play import AsyncPlay  # noqa: PLC0415 - not every program plays motions
+
+        return AsyncPlay(self, self._ports, list(self), self.motion(motion), rate, loop=loop)
 
     def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> None:
         """Guard streamed motion on all ports; see `Bus.watch`."""

@@ -1,6 +1,6 @@
 """Who is there: the servos that answer, compared with the robot file. Nothing moves, nothing is written."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from servobus.bus.base import BaseBus
@@ -46,6 +46,12 @@ class Attendance:
     def grave(self) -> tuple[Finding, ...]:
         """The findings without strangers and restarts, with which the robot works all the same."""
         return tuple(finding for finding in self.findings if finding.kind in GRAVE)
+
+    def unusable(self, joints: Iterable[Joint]) -> dict[str, str]:
+        """Tell which of these joints cannot be used as the file says: name -> why."""
+        ports = {finding.port: finding.text for finding in self.grave if finding.kind == "port"}
+        gone = {joint.name: ports[part.port] for joint in joints for part in joint.parts if part.port in ports}
+        return gone | {finding.joint: finding.text for finding in self.grave if finding.joint}
 
     def __str__(self) -> str:
         if not self.findings:

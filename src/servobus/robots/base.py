@@ -1,7 +1,7 @@
 """What the blocking and the asynchronous robot share: joints, groups of them, and what one asks of them together."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from servobus.bus.base import BaseBus
 from servobus.core.closed import Closed
@@ -9,15 +9,22 @@ from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register, register_name
 from servobus.errors import UnknownName, UsageError
 from servobus.families.base import StopOutcome
-from servobus.robots import attendance, jobs, move
+from servobus.robots import applying, attendance, jobs, move, settings
+from servobus.robots.applying import Applied
 from servobus.robots.attendance import Attendance
+from servobus.robots.backups import Backups
 from servobus.robots.file.entries import RobotFile
 from servobus.robots.jobs import JointState
 from servobus.robots.joint import Joint
 from servobus.robots.move import JointMove
 from servobus.robots.ports import Ports
+from servobus.robots.settings import Plan
 from servobus.robots.steps import RobotJob
 from servobus.robots.values import ByJoint, named_angles
+
+if TYPE_CHECKING:
+    from servobus.robots.motion import Motion
+    from servobus.robots.trajectory.path import Trajectory
 
 J = TypeVar("J", bound="JointVerbs")
 B = TypeVar("B", bound=BaseBus[Any])
@@ -204,6 +211,17 @@ class BaseRobot(JointSet[J], Generic[J, B]):
             raise UnknownName(f"{self.file.name}: no pose {name!r}; there are {', '.join(self.file.poses) or 'none'}")
         return self.file.poses[name]
 
+    def motion(self, motion: "str | Motion | Trajectory") -> "Motion | Trajectory":
+        """Give a motion of the file by its name; one that is given itself is given back. Raises UnknownName."""
+        if not isinstance(motion, str):
+            return motion
+        if motion not in self.file.motions:
+            known = ", ".join(self.file.motions) or "none"
+            raise UnknownName(f"{self.file.name}: no motion {motion!r}; there are {known}")
+        from servobus.robots.motion import motion_of  # noqa: PLC0415 - not every program plays motions
+
+        return motion_of(self.file, motion)
+
     @bus_method
     @urgent(Priority.SCAN)
     def check(self, *, strangers: bool = True) -> RobotJob[Attendance]:
@@ -214,6 +232,50 @@ class BaseRobot(JointSet[J], Generic[J, B]):
         found = yield from attendance.check(self.file, self.buses, list(self), strangers=strangers)
         self.attendance = found
         return found
+
+    # Settings of the servos
+
+    @bus_method
+    @urgent(Priority.SCAN)
+    def plan_settings(self) -> RobotJob[Plan]:
+        """Compare the settings that the servos hold with the file. Moves nothing, writes nothing.
+
+        That is what stands in [joint.NAME.registers], and the limits where `limits_in_servo` is true. Servos that are
+        missing or of another model are in `problems` of it.
+        """
+        return self._plan()
+
+    @bus_method
+    @urgent(Priority.SCAN)
+    def apply_settings(
+        self, plan: Plan | None = None, *, torque_off: bool = False, offsets: bool = False
+    ) -> RobotJob[Applied]:
+        """Write what differs by a plan, by default by a new one, and read it back. Moves nothing.
+
+        The torque of a servo that is written to must be off, or `torque_off` switches it off first. Offsets that servos
+        have of their own are left alone, but for `offsets`. What was there before is kept in files beside the robot
+        file; `undo_settings` brings it back. Broken off, the same again does the rest.
+
+        Raises UsageError before anything is written, and NotRestored, when all the rest is written, with the servos
+        that are not as the file says.
+        """
+        backups = Backups(self.file)
+        made = (yield from self._plan()) if plan is None else plan
+        return (yield from applying.apply(made, list(self), backups, torque_off=torque_off, offsets=offsets))
+
+    @bus_method
+    @urgent(Priority.SCAN)
+    def undo_settings(self, *, torque_off: bool = False) -> RobotJob[dict[str, list[str]]]:
+        """Bring back what the servos held before the last `apply_settings`; gives servo -> names of registers.
+
+        The same again goes back further. Raises as `apply_settings`.
+        """
+        return applying.undo(self.buses, Backups(self.file), torque_off=torque_off)
+
+    def _plan(self) -> RobotJob[Plan]:
+        found = yield from attendance.check(self.file, self.buses, list(self), strangers=False)
+        self.attendance = found
+        return (yield from settings.plan(self.file.name, list(self), found.unusable(self)))
 
     def __getattr__(self, name: str) -> Any:
         if not name.startswith("_"):

@@ -24,6 +24,9 @@ from servobus.robots.steps import RobotJob
 
 if TYPE_CHECKING:
     from servobus.robots.cycle import BlockingRobotCycle
+    from servobus.robots.motion import Motion
+    from servobus.robots.play import BlockingPlay
+    from servobus.robots.trajectory.path import Trajectory
 
 T = TypeVar("T")
 
@@ -164,6 +167,21 @@ class Robot(RobotJoints, BaseRobot[RobotJoint, Bus]):
         for bus in self.buses.values():
             bus.close()
         self._ports.close()
+
+    def play(
+        self, motion: "str | Motion | Trajectory", *, rate: float = 100.0, loop: bool | None = None
+    ) -> "BlockingPlay":
+        """Prepare a motion: a name of the robot file, a `Motion`, or a `Trajectory`. Nothing is sent yet.
+
+        rate   goals a second, 1 to 1000
+        loop   whether it begins again where it ends; as the file says by default
+
+        Raises UnknownName, and BadValue where a joint would leave its limits. Limits of speed, acceleration and jerk
+        stretch the time of the motion where it is too quick; `duration` of what is given tells the time.
+        """
+        from servobus.robots.play import BlockingPlay  # noqa: PLC0415 - not every program plays motions
+
+        return BlockingPlay(self, self._ports, list(self), self.motion(motion), rate, loop=loop)
 
     def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> None:
         """Guard streamed motion on all ports; see `Bus.watch`."""

@@ -99,9 +99,12 @@ class RobotCycle:
         Raises BadValue outside the limits of a joint, before anything is sent; Disagreement where two servos on one
         axis stand too far apart; and what `Cycle.run` raises of one port, after the others had their turn.
         """
-        named = named_angles(goals, self._names, angles)
+        return self.turn(named_angles(goals, self._names, angles))
+
+    def turn(self, goals: Mapping[str, float]) -> RobotJob[RobotResult]:
+        """Build the job of one cycle; see `run`."""
         servo_goals: dict[str, dict[Servo, float]] = {}
-        for name, angle in named.items():
+        for name, angle in goals.items():
             joint = self._by_name[name]
             allowed = joint.check(angle)
             for part in joint.parts:

@@ -163,3 +163,31 @@ def test_async() -> None:
                     break
 
     asyncio.run(main())
+
+
+def test_goals_are_judged_by_the_mode_that_a_servo_has_by_now() -> None:
+    """An MX-28 takes goals beyond a turn in multi-turn mode alone, and none as a wheel; an LX-16A none as a motor."""
+    bus = servobus.open("virtual:mx28@1,lx16a@2?clock=virtual", models={2: LX16A})
+    bus.scan(ids=[1, 2])
+    bus.torque_on()
+    turns, cycle = bus[1], bus.cycle(read=POSITION)
+    cycle.run({1: 170 * deg, 2: 100 * deg})
+    turns.position_mode(multi_turn=True)
+    cycle.run({1: 400 * deg})
+    bus.transport.sleep(2.0)
+    assert abs(cycle.run()[1]["present_position"] - 400 * deg) < 3 * deg
+    cycle.run({1: 170 * deg})
+    bus.transport.sleep(2.0)
+    turns.position_mode()
+    with pytest.raises(BadValue, match="outside the limits"):
+        cycle.run({1: 400 * deg})
+    cycle.run({1: 180 * deg})
+    bus.transport.sleep(1.0)
+    turns.write_many({"max_position": 200 * deg})
+    with pytest.raises(BadValue, match="outside the limits"):
+        cycle.run({1: 210 * deg})
+    turns.turn(speed=5 * deg)
+    bus[2].turn(output=0.1)
+    for id in (1, 2):
+        with pytest.raises(UsageError, match="turns without end"):
+            cycle.run({id: 100 * deg})

@@ -120,3 +120,15 @@ def test_position_mode_sets_limits_that_are_given() -> None:
         servo.position_mode((20 * deg, 160 * deg))
         with servo.torque(), pytest.raises(BadValue, match="outside the limits set in it"):
             servo.move(10 * deg)
+
+
+def test_lx_servos_that_were_moved_together_stay_there_when_their_time_is_given_back() -> None:
+    """The time stands in command 1, whose goal is still the one from before a move by commands 7 and 11 (point 2)."""
+    bus = servobus.open("virtual:lx16a@1-2?clock=virtual", models="lx16a")
+    bus.scan(ids=[1, 2])
+    port: Any = bus.transport
+    bus.torque_on()  # at 120°
+    bus[1].move(118 * deg).wait()
+    bus.move({1: 116 * deg, 2: 123 * deg}).wait()
+    port.sleep(1.0)
+    assert [servo.shaft.position / deg for servo in port.servos] == pytest.approx([116, 123], abs=0.6)

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -300,3 +301,26 @@ def test_one_that_was_only_looked_at_is_not_switched() -> None:
     assert bus.protect() == {1: SAFE}
     line.sleep(0.1)
     assert line.servos[0].get("torque_enable") == 1
+
+
+def test_lx_servos_that_were_moved_together_are_not_taken_to_be_blocked() -> None:
+    """Command 2 tells the goal of the last command 1, not the one that commands 7 and 11 gave (points 2 to 5)."""
+    bus = servobus.open("virtual:lx16a@1-2?clock=virtual", models="lx16a")
+    bus.scan(ids=[1, 2])
+    line: Any = bus.transport
+    bus.torque_on()
+    bus.move({1: 60 * deg, 2: 200 * deg})
+    for _ in range(4):
+        line.sleep(1.0)
+        assert bus.protect() == {1: OK, 2: OK}
+    bus.cycle(read=["present_position"]).run({1: 90 * deg, 2: 170 * deg})
+    for _ in range(4):
+        line.sleep(1.0)
+        assert bus.protect() == {1: OK, 2: OK}
+    line.servos[1].shaft.load = replace(line.servos[1].shaft.load, blocked=1.0)
+    bus.move({1: 100 * deg, 2: 120 * deg})
+    levels = []
+    for _ in range(4):
+        line.sleep(1.0)
+        levels.append(bus.protect())
+    assert {1: OK, 2: SAFE} in levels

@@ -13,6 +13,8 @@ class RobotGroup(VerbGroup):
     verbs: ClassVar = {
         "Robot": {
             "check": ("robots.check:check", "Compare who answers with the robot file."),
+            "plan": ("robots.settings:plan", "Compare the servos' settings with the robot file."),
+            "apply": ("robots.settings:apply", "Write the settings of the robot file."),
         },
     }
 

@@ -6,10 +6,10 @@ from typing import Any
 from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.ids import check_id
-from servobus.core.registers import Area, Register
+from servobus.core.registers import Area, Motion, Register
 from servobus.core.units import Flags
 from servobus.core.values import replace
-from servobus.errors import BadValue, NoReply, UsageError
+from servobus.errors import BadValue, BusError, NoReply, OutsideLimits, UsageError
 from servobus.families.base import Family, Identity, Stranger
 from servobus.families.change import set_registers
 from servobus.families.dynamixel import listening, protocol2
@@ -34,7 +34,9 @@ from servobus.families.motion import (
     about_to_turn,
     check_inside,
     counts_turns,
+    inside_limits,
     nearest,
+    show_limits,
 )
 from servobus.families.reading import Reading, adjacent, blocks, place
 from servobus.families.refusal import cannot, check_output, mute, not_taken, stays_off
@@ -192,12 +194,14 @@ class Dynamixel1(Family):
         return bool(moving)
 
     def hold(self, target: KnownServo) -> Procedure[StopOutcome]:
-        """In endless turn Moving Speed 0 ends the motion (3-4-3), in torque control Goal Torque 0; else a goal."""
+        """In endless turn Moving Speed 0 ends the motion (3-4-3); else a goal, behind the end of torque control."""
         goal = target.model.register("goal_position")
         for _ in range(TRIES):
             motion_status = yield from self.motion_status(target)
             if motion_status.turning:
                 row, raw = (yield from self._turned_by(target)), 0
+                if motion_status.torque and row.name == "goal_torque":
+                    return (yield from self._hold_by_position(target, motion_status))
                 outcome = TURNS_NO_MORE if motion_status.torque else LIMP
             elif not motion_status.torque:
                 return LIMP  # and a goal would switch it on
@@ -207,6 +211,42 @@ class Dynamixel1(Family):
                 row, raw, outcome = goal, here, StopOutcome(f"held at {goal.show(goal.decode(here))}")
             if (yield from self._took(target, row, raw)):
                 return outcome
+        raise not_taken(target, row, raw)
+
+    def _hold_by_position(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[StopOutcome]:
+        """End torque control, in which a current of 0 holds nothing, and hold what the angle limits allow.
+
+        For a moment the shaft is let go of, so that it makes no difference what became of the goal in torque control.
+        One that coasts over the end of its turn meanwhile would run the whole way back: it is given another goal.
+        """
+        model = target.model
+        goal, mode, torque = map(model.register, ("goal_position", "torque_control_mode_enable", "torque_enable"))
+        yield from self._make(target, model.register("goal_torque"), 0)
+        if self.reach(model, motion_status.low, motion_status.high).turning:
+            yield from self._make(target, model.register("moving_speed"), 0)
+            yield from self._make(target, mode, 0)
+            return TURNS_NO_MORE
+        yield from self._make(target, torque, 0)
+        yield from self._make(target, mode, 0)
+        for _ in range(TRIES):
+            motion_status = yield from self.motion_status(target)
+            if (here := reachable(target, motion_status)) is None:
+                return (yield from let_go_outside(target, motion_status))
+            yield from self._make(target, goal, here)
+            yield from self._make(target, torque, 1)
+            (now,) = yield from self.read(target, [model.register("present_position")])
+            if abs(now - here) * 2 <= model.register("max_position").limits[1]:
+                return StopOutcome(f"held at {goal.show(goal.decode(here))}")
+        raise BusError(f"{target} turns too fast to be held")
+
+    def _make(self, target: KnownServo, row: Register[Any], raw: int) -> Procedure[None]:
+        """Write a value as it is, until the servo has it. Raises BusError if it does not take it."""
+        for _ in range(TRIES):
+            if (yield from self._took(target, row, raw)):
+                if not row.volatile:
+                    target.record.set({row: raw})
+                target.record.modes += row.motion is Motion.MODE
+                return
         raise not_taken(target, row, raw)
 
     def _took(self, target: ServoRef, row: Register[Any], raw: int) -> Procedure[bool]:
@@ -225,12 +265,9 @@ class Dynamixel1(Family):
             row, raw = (yield from self._turned_by(target)), 0
         else:
             row, raw = target.model.register("goal_position"), nearest(target, motion_status)
-        for _ in range(TRIES):
-            if (yield from self._took(target, row, raw)):
-                return
-        raise not_taken(target, row, raw)
+        yield from self._make(target, row, raw)
 
-    def push(self, target: ServoRef) -> Procedure[float]:
+    def push(self, target: KnownServo) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("present_load", "torque_limit")]
         load, limit = yield from self.read(target, rows)
         return abs(load) / limit if limit else 0.0
@@ -329,6 +366,12 @@ class Dynamixel1(Family):
             yield from self.write(target, wanted)
             return
         if motion_status.torque:
+            if several and not inside_limits(target, after):
+                here = model.register("present_position").show(motion_status.position)
+                raise OutsideLimits(
+                    f"{target} is at {here}, outside the limits that it would get, {show_limits(target, after)}, and "
+                    "where it would count itself to be then is not sure; move it inside first, or switch its torque off"
+                )
             check_inside(target, after, whose="that it would get")
         if wanted:
             target.record.check_wear(str(target), wanted)

@@ -234,7 +234,7 @@ class Herkulex(Family):
         for _ in range(TRIES):
             yield from told(_stop_jog(target, motion_status, Led(led)))
 
-    def push(self, target: ServoRef) -> Procedure[float]:
+    def push(self, target: KnownServo) -> Procedure[float]:
         rows = [target.model.register(name) for name in ("pwm", "max_pwm")]
         pwm, limit = yield from self.read(target, rows)
         return abs(pwm) / limit if limit else 0.0

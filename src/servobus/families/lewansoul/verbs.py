@@ -152,8 +152,9 @@ class Lewansoul(Family):
         yield from mode_write(target.id, Mode.MOTOR, 0)
         return (yield from self.read(target, [target.model.register("motor_speed")])) == [0]
 
-    def _took_goal(self, target: ServoRef, here: int) -> Procedure[bool]:
+    def _took_goal(self, target: KnownServo, here: int) -> Procedure[bool]:
         """Give a move to where the servo is, raw, and tell whether that is its last one then."""
+        target.record.goal = None
         yield from move_time_write(target.id, here, 0)
         return (yield from self.read(target, [target.model.register("goal_position")])) == [here]
 
@@ -162,10 +163,10 @@ class Lewansoul(Family):
         if not target.record.lent:
             return
         raw = yield from self.read_values(target, ("goal_position", "present_position", "torque_enable"))
-        goal = target.model.register("goal_position")
-        way = goal.scale.decode(raw["goal_position"]) - goal.scale.decode(raw["present_position"])
+        row, goal = target.model.register("goal_position"), _goal(target, raw["goal_position"])
+        way = row.scale.decode(goal) - row.scale.decode(raw["present_position"])
         if raw["torque_enable"] and abs(way) < FAR:
-            yield from set_registers(target, {goal: raw["goal_position"], **target.record.lent})
+            yield from set_registers(target, {row: goal, **target.record.lent})
 
     def settle(self, target: KnownServo, motion_status: MotionStatus) -> Procedure[None]:
         """A servo that is loaded holds the angle at which it is (L-70, assumption).
@@ -184,12 +185,12 @@ class Lewansoul(Family):
         name, raw = ("motor_speed", 0) if motion_status.turning else ("goal_position", here)
         raise not_taken(target, target.model.register(name), raw)
 
-    def push(self, target: ServoRef) -> Procedure[float]:
+    def push(self, target: KnownServo) -> Procedure[float]:
         """Nothing tells the output: one that holds and is not near its goal is taken to push with all it has."""
         names = ("torque_enable", "mode", "goal_position", "present_position")
         rows = [target.model.register(name) for name in names]
-        torque, mode, goal, here = yield from self.read(target, rows)
-        way = abs(rows[2].decode(goal) - rows[3].decode(here))
+        torque, mode, told, here = yield from self.read(target, rows)
+        way = abs(rows[2].decode(_goal(target, told)) - rows[3].decode(here))
         return float(torque and mode == Mode.POSITION and way > FAR)
 
     def read_alarms(self, target: ServoRef) -> Procedure[Alarm]:
@@ -211,6 +212,7 @@ class Lewansoul(Family):
         duty = target.model.register("motor_speed").encode(check_output(output))
         yield from about_to_turn(target)
         yield from mode_write(target.id, Mode.MOTOR, duty)
+        target.record.modes += 1
 
     def position_mode(self, target: KnownServo, limits: tuple[int, int] | None) -> Procedure[None]:
         """Motor mode leaves the angle limits alone, so `limits` are written only where they are given.
@@ -229,6 +231,7 @@ class Lewansoul(Family):
             yield from self.torque(target, on=False)
         for _ in range(TRIES):
             yield from mode_write(target.id, Mode.POSITION)
+            target.record.modes += 1
             if (yield from self._mode(target)) == Mode.POSITION:
                 break
         else:
@@ -301,6 +304,14 @@ LEWANSOUL = Lewansoul()
 def _no_reset(target: ServoRef) -> UsageError:
     why = "the protocol has no such command; restore a backup, or set the registers one by one"
     return cannot(target, "be reset", why)
+
+
+def _goal(target: KnownServo, told: int) -> int:
+    """Give the raw goal of the last move, for what command 2 tells: that is the last command 1 (point 2).
+
+    Several servos are moved by commands 7 and 11, and by those it is not told.
+    """
+    return told if target.record.goal is None else target.record.goal
 
 
 def _pair(register: Register[Any]) -> Pair:

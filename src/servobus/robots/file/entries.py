@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from servobus.core.ids import LAST_ID
+from servobus.core.registers import Register
 from servobus.core.units import deg
 from servobus.families.model import Model
 from servobus.families.record import SafeAction
@@ -68,6 +69,16 @@ def keys_of(entry: type) -> dict[str, Key]:
         for one in fields(entry)
         if "kind" in one.metadata
     }
+
+
+def raw_setting(row: Register[Any], value: Any) -> int:
+    """Give the raw value of a register for what stands in a table of registers: a whole number is raw already.
+
+    Raises ValueError for what it cannot have.
+    """
+    if isinstance(value, int) and not isinstance(value, bool):
+        return row.check(value)
+    return row.check(row.encode(row.parse(str(value).lower())))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,6 +192,11 @@ class JointEntry:
     limits: tuple[float, float] | None = key(
         Between(_ANGLE), "Least and greatest angle of the joint; all that the servo can without this.", default=None
     )
+    limits_in_servo: bool = key(
+        Switch(example=True),
+        "Whether `robot apply` keeps the limits in the servos too, so that they hold whoever commands them.",
+        default=False,
+    )
     speed: float | None = key(Measured("rad/s", "120deg/s", above_0=True), "Greatest speed of the joint.", default=None)
     acceleration: float | None = key(
         Measured("rad/s2", "400deg/s2", above_0=True), "Greatest acceleration of the joint.", default=None
@@ -253,7 +269,7 @@ class MotionEntry:
 
     name: str
     path: str = key(
-        OneOf(("cubic", "quintic", "monotone")), "Curve through the steps: cubic, quintic or monotone.", default="cubic"
+        OneOf(("cubic", "quintic", "pchip")), "Curve through the steps: cubic, quintic or pchip.", default="cubic"
     )
     loop: bool = key(Switch(example=False), "Whether it begins again where it ends.", default=False)
     file: str | None = key(

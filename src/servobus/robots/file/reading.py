@@ -10,9 +10,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
 
+from servobus.core.registers import Motion, Register
 from servobus.core.units import show
 from servobus.core.values import frozen
 from servobus.errors import RobotFileError, UsageError
+from servobus.jobs.backup import identity_names
 from servobus.robots.file.entries import (
     JointEntry,
     LoadEntry,
@@ -25,6 +27,7 @@ from servobus.robots.file.entries import (
     ServoEntry,
     StepEntry,
     keys_of,
+    raw_setting,
 )
 from servobus.robots.file.kinds import Measured, Name, Names, shown
 from servobus.robots.file.lines import line_of
@@ -228,15 +231,18 @@ class _Reader:
             )
 
     def _registers(self, joint: JointEntry) -> None:
+        path = ("joint", joint.name)
+        if joint.limits_in_servo and joint.limits is None:
+            self._refuse((*path, "limits_in_servo"), "there are no limits to keep in the servo; write `limits` too")
         for name, value in joint.registers.items():
             for servo in joint.servos:
                 try:
                     row = servo.model.register(name)
-                    row.check(value) if isinstance(value, int) and not isinstance(value, bool) else row.check(
-                        row.encode(row.scale.parse(str(value).lower()))
-                    )
+                    raw_setting(row, value)
                 except (UsageError, ValueError) as error:
-                    self._refuse(("joint", joint.name, "registers", name), str(error))
+                    self._refuse((*path, "registers", name), str(error))
+                if (why := _no_setting(joint, row, servo)) is not None:
+                    self._refuse((*path, "registers", name), why)
 
     def _angles(self, file: RobotFile, path: tuple[str, ...], angles: Mapping[str, float]) -> None:
         for joint, angle in angles.items():
@@ -264,6 +270,18 @@ class _Reader:
         line = line_of(self.text, path)
         where = self.name if line is None else f"{self.name}:{line}"
         raise RobotFileError(f"{where}: [{'.'.join(path)}] {why}")
+
+
+def _no_setting(joint: JointEntry, row: Register[Any], servo: ServoEntry) -> str | None:
+    """Say why a register cannot be a setting that is kept; None if it can."""
+    if row.name in identity_names(servo.model):
+        return f"{row.name} says where the servo is found: write `id` and `baud` of the joint, and set-id and set-baud"
+    if row.motion in (Motion.GOAL, Motion.SPEED, Motion.MODE) or row is servo.model.register("torque_enable"):
+        return f"{row.name} is a command and no setting: leave it out, and move the joint instead"
+    limits = [servo.model.register(name) for name in ("min_position", "max_position")]
+    if joint.limits_in_servo and row in limits:
+        return f"{row.name} is worked out from the limits of the joint, for limits_in_servo is true; leave one out"
+    return None
 
 
 def _meant(name: str, names: Sequence[str]) -> str:

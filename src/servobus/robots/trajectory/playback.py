@@ -10,7 +10,7 @@ from servobus.robots.trajectory.path import State, Trajectory
 
 _SEARCH = 30
 """Halvings of the range in which the next time is sought: to 1e-9 of a tick."""
-_ROUNDING = 1e-9
+_ROUNDING = 1e-6
 """Share by which a limit may seem to be exceeded for rounding alone."""
 
 

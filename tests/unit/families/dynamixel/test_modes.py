@@ -125,6 +125,22 @@ def test_goals_of_several_turns_either_way(key: str) -> None:
 
 
 @several_turns
+def test_a_divided_resolution_counts_where_a_servo_comes_in_from_outside_its_limits(key: str) -> None:
+    servo, real, port = arm(key, min_position=4095, max_position=4095, multi_turn_offset=24576, resolution_divider=4)
+    real.turn_shaft(real.shaft.position + 4 * (28672 + 100 - 24576) * UNIT)
+    port.sleep(0.1)
+    before, began = real.shaft.position, port.now()
+    servo.max_step = 100 * deg
+    with pytest.raises(BadValue, match="in one step is more than its max_step"):
+        servo.torque_on(to_limit=True)
+    servo.max_step = None
+    servo.torque_on(to_limit=True, speed=60 * deg)
+    way = before - real.shaft.position
+    assert way > 120 * deg
+    assert port.now() - began > 0.9 * way / (60 * deg)
+
+
+@several_turns
 def test_back_to_one_turn(key: str) -> None:
     servo, real, port = arm(key)
     servo.torque_on()
@@ -132,8 +148,10 @@ def test_back_to_one_turn(key: str) -> None:
     servo.position_mode(multi_turn=True)
     servo.move(500 * deg, speed=300 * deg).wait()
     before = real.memory.stored()
-    with pytest.raises(OutsideLimits, match=r"is at \d+\.\d°, outside the limits that it would get"):
+    with pytest.raises(OutsideLimits, match=r"is at \d+\.\d°, outside the limits that it would get") as refused:
         servo.position_mode()
+    assert str(refused.value).endswith("move it inside first, or switch its torque off")
+    assert "to_limit" not in str(refused.value)
     assert real.memory.stored() == before
     assert servo.look().torque
     servo.move(200 * deg, speed=300 * deg).wait()
@@ -273,15 +291,51 @@ def test_torque_control_begins_and_ends_without_a_jump(key: str) -> None:
     assert real.shaft.velocity > 0.5
     with pytest.raises(UsageError, match="turns without end"):
         servo.move(90 * deg)
-    assert str(servo.stop()) == "it turns no more"
-    assert servo.read_raw(["goal_torque"]) == [0]
+    assert str(servo.stop()).startswith("held at ")
+    assert servo.read_raw(["torque_control_mode_enable", "goal_torque", *LIMITS]) == [0, 0, *limits]
     port.sleep(2.0)
     assert still(port, real)
+    servo.verify()  # what a stop has changed is no restart
     servo.position_mode()
     assert still(port, real)
     assert servo.read_raw(["torque_control_mode_enable", "goal_torque", *LIMITS]) == [0, 0, *limits]
     assert servo.look().torque
     servo.move(60 * deg, speed=90 * deg).wait()
+
+
+@by_current
+@pytest.mark.parametrize("mode", ["one turn", "several turns", "wheel"])
+@pytest.mark.parametrize("options", ["", ",turn_goal=refused,goal_after_turn=kept,goal_after_limp=kept"])
+def test_a_stop_holds_what_hangs_on_a_servo_in_torque_control(key: str, mode: str, options: str) -> None:
+    bus = servobus.open(f"virtual:{key}@1{options}?clock=virtual&load=torque=0.5")
+    (servo,) = bus.scan(ids=[1])
+    port: Any = bus.transport
+    (real,) = port.servos
+    servo.torque_on()
+    if mode == "several turns":
+        servo.position_mode(multi_turn=True)
+    elif mode == "wheel":
+        servo.turn(speed=30 * deg)
+    servo.turn(current=0.6)
+    port.sleep(0.2)
+    servo.stop()
+    port.sleep(0.5)
+    assert still(port, real)
+    assert servo.read_raw(["torque_enable", "torque_control_mode_enable"]) == [1, 0]
+
+
+@by_current
+@pytest.mark.parametrize("current", [2.0, -2.0])
+def test_a_stop_near_the_end_of_a_turn_does_not_run_back_over_all_of_it(key: str, current: float) -> None:
+    for seconds in (0.2, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7):
+        servo, real, port = arm(key)
+        servo.torque_on()
+        servo.turn(current=current)
+        port.sleep(seconds)
+        before = real.shaft.position
+        servo.stop()
+        port.sleep(1.0)
+        assert abs(real.shaft.position - before) < 45 * deg
 
 
 @by_current

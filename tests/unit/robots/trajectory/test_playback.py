@@ -32,8 +32,8 @@ def play(playback: Playback, rates: dict[int, float], ticks: int = 2000) -> list
         sent.append({joint: state.position for joint, state in playback.step().items()})
         for joint, limits in LIMITS.items():
             older, old, new = (one[joint] for one in sent[-3:])
-            assert abs(new - old) / TICK <= limits.speed * (1 + 1e-6)
-            assert abs(new - 2 * old + older) / TICK**2 <= limits.acceleration * (1 + 1e-6)
+            assert abs(new - old) / TICK <= limits.speed * (1 + 2e-6)
+            assert abs(new - 2 * old + older) / TICK**2 <= limits.acceleration * (1 + 2e-6)
         if playback.finished:
             break
     return sent[2:]

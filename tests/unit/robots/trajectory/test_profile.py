@@ -106,6 +106,8 @@ def test_a_time_too_short_is_refused_with_the_one_that_works() -> None:
     limits = {"a": LIMITS, "elbow": LIMITS}
     with pytest.raises(BadValue, match=r"^elbow cannot move from 0\.0° to 85\.9° in 0\.8 s .*give time=0\.966 or more"):
         synchronised({"a": 0.0, "elbow": 0.0}, {"a": 0.1, "elbow": 1.5}, limits, time=0.8)
+    with pytest.raises(BadValue, match=r"in 0\.965 s .*give time=0\.966 or more"):
+        synchronised({"a": 0.0, "elbow": 0.0}, {"a": 0.1, "elbow": 1.5}, limits, time=0.965)
     assert synchronised({"a": 0.0, "elbow": 0.0}, {"a": 0.1, "elbow": 1.5}, limits, time=0.966).duration == 0.966
 
 

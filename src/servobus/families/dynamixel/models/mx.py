@@ -171,7 +171,7 @@ class CurrentTable(MXTable):
     )  # fmt: skip
     goal_torque = Register(
         Address(71), SIGNED, drive, "current in torque control, up to torque_limit; negative is clockwise",
-        default=0, motion=Motion.SPEED,
+        default=0, volatile=True, motion=Motion.SPEED,
     )  # fmt: skip
 
 
