@@ -36,8 +36,12 @@ def ports(json: bool) -> None:
     for port in sorted(list_ports.comports()):
         name = usb_adapter.lasting_name(port.device, usb_adapter.described(port))
         entry = {"port": port.device, "description": _known(port.description), "hardware": _known(port.hwid)}
-        found.append({**entry, "remembered": _models(kept.pop(name, {}))})
+        found.append({**entry, "remembered": _models(kept.pop(name, {})), "listed": True})
     if json:
+        for name, table in kept.items():
+            if models := _models(table):
+                entry = {"port": name, "description": table.get(remembered.ADAPTER, ""), "hardware": ""}
+                found.append({**entry, "remembered": models, "listed": False})
         print_json(found)
         return
     for one in found:

@@ -81,7 +81,8 @@ def _entry(value: float | None, unit: str) -> dict[str, Any] | None:
 def model_lines(model: type[Model]) -> list[str]:
     """Write the maker's specification in a few lines."""
     if model.generic:
-        return [f"{model.title}: {model.family.title}; --model MODEL or `servobus remember` tells which it is"]
+        how = "--model MODEL or `servobus remember` tells" if model.family.one_table else "--model MODEL tells"
+        return [f"{model.title}: {model.family.title}; {how} which it is"]
     spec = model.sheet
     also = f" (also {', '.join(model.names)})" if model.names else ""
     lines = [

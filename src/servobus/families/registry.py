@@ -177,7 +177,7 @@ def model(name: str) -> type[Model]:
         generic = {model.key(): model for model in GENERIC.values()}
         found = generic.get(key_of(name))
         if found is None:
-            raise UnknownName(_no_such("model", name, [*MODELS, *generic]))
+            raise UnknownName(_no_such("model", name, [*MODELS, *generic], len(MODELS)))
     return found
 
 
@@ -278,11 +278,16 @@ def names(known: Iterable[str]) -> str:
     return f"{', '.join(most)} or {last}" if most else last
 
 
-def _no_such(kind: str, name: str, known: list[str]) -> str:
+def _no_such(kind: str, name: str, known: list[str], listed: int | None = None) -> str:
+    """Say that there is none of this name; `listed` of the known ones are listed by a command, else all."""
     key = key_of(name)
     # One series has not the models of another: an MX-28 is no RX-28 with a slip.
     near = [one for one in known if _one_slip(key, one) and (kind != "model" or _series(key) == _series(one))]
-    told = f"known are {', '.join(known)}" if len(known) <= MANY else f"`servobus {kind}s` lists all {len(known)}"
+    told = (
+        f"known are {', '.join(known)}"
+        if len(known) <= MANY
+        else f"`servobus {kind}s` lists all {listed or len(known)}"
+    )
     hint = f"did you mean {near[0]}?" if near else told
     return f"no {kind} {name!r}; {hint}"
 

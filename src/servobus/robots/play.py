@@ -8,25 +8,25 @@ The arm first goes slowly to where the motion begins. Goals go out while `wait` 
 `resume`, `set_pace` and `stop` may be called meanwhile, from other threads too. All of them keep the limits of speed
 and acceleration of each joint.
 
-A joint that does not answer for LOST, that lost its torque, or that stays behind its goal for STALL ends the motion:
-all joints stop where they are, and the error says which joint it was.
+A joint that does not answer, that lost its torque, or that stays behind its goal ends the motion, see
+servobus.robots.supervision: all joints stop where they are, and the error says which joint it was.
 """
 
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 from servobus.bus.rate import Rate
-from servobus.core.exchange import Now
 from servobus.core.operation import Awaiting, Blocking, Priority, bus_method, urgent
 from servobus.core.units import deg, show
 from servobus.core.values import frozen
-from servobus.errors import BadValue, MotionError, ServobusError, Stopped, TorqueOff
+from servobus.errors import BadValue, MotionError, ServobusError
 from servobus.robots import jobs, stream
 from servobus.robots.cycle import RobotCycle, RobotResult
 from servobus.robots.joint import Joint
 from servobus.robots.motion import Motion, check_known, limits_of
 from servobus.robots.ports import Ports
 from servobus.robots.steps import RobotJob
+from servobus.robots.supervision import Supervision
 from servobus.robots.trajectory.limits import JointLimits
 from servobus.robots.trajectory.path import Trajectory
 from servobus.robots.trajectory.playback import Playback
@@ -39,15 +39,6 @@ RATE = 100.0
 """Goals a second, if nothing else is said. More bring 2 to 3 ms less lag with the servos here."""
 APPROACH = 45 * deg
 """rad/s at most on the way to the first pose; *assumption*: slow enough that a person can step back."""
-NEAR = 5 * deg
-"""rad between goal and position up to which a joint holds, and hangs below its goal by its load alone."""
-LOST = 0.25
-"""s without an answer of a joint after which all stop."""
-BEHIND, LAG = 12 * deg, 0.15
-"""A joint stays behind if it is farther from its goal than BEHIND and than it goes in LAG s; *assumption*: three times
-what unloaded servos lag behind at 94°/s."""
-STALL = 0.5
-"""s for which a joint may stay behind."""
 
 
 @frozen
@@ -106,9 +97,7 @@ class Play:
         self._stages: Iterator[tuple[Playback, bool]] = iter(())
         self._playback: Playback | None = None
         self._approaching = False
-        self._seen: dict[str, float] = {}
-        """Joint -> when it was last seen, or near its goal."""
-        self._near: dict[str, float] = {}
+        self._supervision = Supervision(self.joints)
 
     @property
     def duration(self) -> float:
@@ -142,16 +131,13 @@ class Play:
     def begin(self) -> RobotJob[None]:
         """Make sure that all joints have torque, and plan the way from where they are to the first pose."""
         self._had = yield from stream.begin(self.joints)
-        start = yield from _where(self.joints)
+        start = yield from stream.where(self.joints)
         slow = {
             name: JointLimits(min(one.speed, APPROACH), one.acceleration, one.jerk) for name, one in self.limits.items()
         }
         self._stages = self._all_stages(start, slow)
         self._playback, self._approaching = next(self._stages)
-        now: float = yield Now()
-        self._seen = self._near = {}
-        self._seen = dict.fromkeys(self.limits, now)
-        self._near = dict(self._seen)
+        yield from self._supervision.begin()
 
     def _all_stages(
         self, start: Mapping[str, float], slow: Mapping[str, JointLimits]
@@ -185,8 +171,7 @@ class Play:
             self.over = True
         goals = {name: state.position for name, state in states.items()}
         result = yield from self.cycle.turn(goals)
-        now: float = yield Now()
-        yield from self._watch(now, {name: state.speed for name, state in states.items()}, goals, result)
+        yield from self._supervision.watch(states, result)
         time = playback.time - (playback.trajectory.duration if self._approaching else 0.0)
         return PlayTick(time, goals, result)
 
@@ -202,23 +187,6 @@ class Play:
             return False
         self._playback, self._approaching = stage
         return True
-
-    def _watch(
-        self, now: float, speeds: Mapping[str, float], goals: Mapping[str, float], result: RobotResult
-    ) -> RobotJob[None]:
-        """Raise what ends the motion: a joint that is silent, or that stays behind."""
-        for joint in self.joints:
-            name = joint.name
-            if name in result.lost:
-                if now - self._seen[name] > LOST:
-                    raise _silent(name, result.lost[name])
-                continue
-            self._seen[name] = now
-            behind = abs(goals[name] - result[name]["present_position"])
-            if behind <= max(BEHIND, abs(speeds[name]) * LAG):
-                self._near[name] = now
-            elif now - self._near[name] > STALL:
-                raise (yield from _why(joint, behind))
 
     @bus_method
     @urgent(Priority.MOTION)
@@ -299,36 +267,3 @@ class AsyncPlay(Awaiting, Play):
         """Play it to its end; see `BlockingPlay.wait`."""
         async for _ in self:
             pass
-
-
-def _where(joints: Sequence[Joint]) -> RobotJob[dict[str, float]]:
-    """Give the angles from which a motion of these joints sets off.
-
-    One that holds sets off from its goal: its load makes it hang below, and a motion from there would let it sink.
-    """
-    positions = yield from jobs.read(joints, "present_position")
-    goals = yield from jobs.read(joints, "goal_position")
-    start = {}
-    for joint in joints:
-        here, goal = positions[joint.name], goals[joint.name]
-        low, high = joint.limits
-        start[joint.name] = min(max(goal if abs(goal - here) <= NEAR else here, low), high)
-    return start
-
-
-def _silent(name: str, error: ServobusError) -> ServobusError:
-    """Say in an error of the line which joint it is about, and what was done."""
-    error.args = (f"{name} does not answer any more; all joints of the motion were stopped ({error})", *error.args[1:])
-    return error
-
-
-def _why(joint: Joint, behind: float) -> RobotJob[ServobusError]:
-    """Tell why a joint stays behind its goal: no torque any more, or something holds it."""
-    state = (yield from jobs.look([joint]))[joint.name]
-    if not state.torque:
-        why = f" ({state.shutdown})" if state.shutdown else ": it restarted, or its torque was switched off"
-        return TorqueOff(f"{joint.name} has no torque any more{why}; all joints of the motion were stopped")
-    return Stopped(
-        f"{joint.name} stays {show(behind, 'rad')} behind its goal at {show(state.position, 'rad')}: something holds "
-        "it, or its load is too heavy for this motion; all joints of the motion were stopped"
-    )

@@ -8,11 +8,14 @@ from collections.abc import Mapping, Sequence
 
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Procedure, SetBaud
+from servobus.core.units import deg
 from servobus.errors import BusError, ServobusError, TorqueOff
 from servobus.robots import jobs
 from servobus.robots.joint import Joint, Part
 from servobus.robots.steps import RobotJob, each, together
 
+NEAR = 5 * deg
+"""rad between goal and position up to which a joint holds, and hangs below its goal by its load alone."""
 UNBOUND = 0
 """Goal speed, raw, of a Dynamixel servo that goes as fast as it can (moving speed 0, RX-28 manual 3-4-3)."""
 
@@ -65,3 +68,18 @@ def end(joints: Sequence[Joint], had: Mapping[Servo, int]) -> RobotJob[None]:
                 continue
 
     yield from each(jobs.on_each_port(parts, give_back))
+
+
+def where(joints: Sequence[Joint]) -> RobotJob[dict[str, float]]:
+    """Give the angles from which a motion of these joints sets off.
+
+    One that holds sets off from its goal: its load makes it hang below, and a motion from there would let it sink.
+    """
+    positions = yield from jobs.read(joints, "present_position")
+    goals = yield from jobs.read(joints, "goal_position")
+    start = {}
+    for joint in joints:
+        here, goal = positions[joint.name], goals[joint.name]
+        low, high = joint.limits
+        start[joint.name] = min(max(goal if abs(goal - here) <= NEAR else here, low), high)
+    return start

@@ -121,6 +121,7 @@ def test_ports(run: Run, load: Callable[..., Any], monkeypatch: pytest.MonkeyPat
         "description": "USB2Dynamixel",
         "hardware": "",
         "remembered": {},
+        "listed": True,
     }
 
 

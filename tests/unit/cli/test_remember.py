@@ -140,7 +140,15 @@ def test_ports_shows_it_under_its_adapter(run: Run, load: Callable[..., Any], mo
             "description": "FT232R",
             "hardware": "USB A5",
             "remembered": {"all": "lx16a", "4": "hts35h", "5": "hts35h", "9": "hts35h"},
-        }
+            "listed": True,
+        },
+        {
+            "port": "virtual:lx16a@1",
+            "description": "",
+            "hardware": "",
+            "remembered": {"1": "lx16a", "2": "lx16a", "3": "lx16a"},
+            "listed": False,
+        },
     ]
 
 

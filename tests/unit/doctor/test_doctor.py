@@ -177,6 +177,34 @@ class TestServos:
         assert findings["speed"].mend == (f"servobus set-baud '{port.name}' 3 57600 --family dynamixel --baud 500000",)
         assert findings["reads"].what.startswith("30, none lost")
 
+    def test_one_that_speaks_protocol_2(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """The question and its answer are those that the ROBOTIS e-manual prints on its page Protocol 2.0."""
+        port = inprocess.connect("virtual:rx28@2?clock=virtual")
+        question = bytes.fromhex("FF FF FD 00 FE 03 00 01 31 42")
+        answers = [bytes.fromhex("FF FF FD 00 01 07 00 55 00 06 04 26 65 5D")]
+        write, read, asked = port.write, port.read, list[bytes]()
+
+        def note_and_write(data: bytes) -> None:
+            asked.append(data)
+            write(data)
+
+        def answer_or_read(timeout: float) -> bytes:
+            if not (answers and question in asked):
+                return read(timeout)
+            port.sleep(0.01)  # as long as the bits take
+            return answers.pop()
+
+        monkeypatch.setattr(port, "write", note_and_write)
+        monkeypatch.setattr(port, "read", answer_or_read)
+        monkeypatch.setattr(connect, "open", lambda _: Bus(port, echo=False))
+        plan = SearchPlan([(FAMILIES["dynamixel"], (57_600,))], ids=range(254), reads=0)
+        (finding,) = wrong(examine("virtual:", plan))
+        assert (finding.level, finding.check) == (Severity.WARN, "ids")
+        assert finding.what.startswith(
+            "id 1, model 1030 with firmware 38: Dynamixel protocol 2.0, not understood here; "
+        )
+        assert finding.cause == "a servo whose firmware speaks another protocol"
+
     @pytest.mark.parametrize(("spec", "id", "free"), [("drs0602@219,219", 219, 1), ("lx16a@1,1,2", 1, 3)])
     def test_two_with_one_id(self, monkeypatch: pytest.MonkeyPatch, spec: str, id: int, free: int) -> None:
         port = inprocess.connect(f"virtual:{spec}?clock=virtual")
