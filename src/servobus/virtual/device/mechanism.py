@@ -110,6 +110,7 @@ class Mechanism:
         self._steps = 0
         for servo in self._ports:
             servo.company = self
+        self._round(self._feel(), Seat.foresee)
 
     @property
     def time(self) -> float:
@@ -132,11 +133,7 @@ class Mechanism:
 
     def _step(self, most: int) -> None:
         """Take one step, or up to so many at once while all stand still."""
-        angles, speeds, accelerations = self._mean("angle"), self._mean("speed"), self._mean("acceleration")
-        felt = self._linkage.feel(
-            [angle + STEP / 2 * speed for angle, speed in zip(angles, speeds, strict=True)],
-            [speed + STEP / 2 * acceleration for speed, acceleration in zip(speeds, accelerations, strict=True)],
-        )
+        felt = self._feel()
         before = self.time
         if not self._standing:
             self._steps += 1
@@ -145,6 +142,14 @@ class Mechanism:
             self._steps += min(most, STANDING) if self._loaded else most
         now = self.time
         self._round(felt, lambda seat: seat.live(before, now))
+
+    def _feel(self) -> Felt:
+        """Find out what the joints will feel in the middle of the next tick."""
+        angles, speeds, accelerations = self._mean("angle"), self._mean("speed"), self._mean("acceleration")
+        return self._linkage.feel(
+            [angle + STEP / 2 * speed for angle, speed in zip(angles, speeds, strict=True)],
+            [speed + STEP / 2 * acceleration for speed, acceleration in zip(speeds, accelerations, strict=True)],
+        )
 
     def _mean(self, name: str) -> list[float]:
         """Give the angles, speeds or accelerations of all joints."""

@@ -10,8 +10,8 @@ Each link is a bar without mass, with a point mass at its end, where the joints 
     end of a link     r = r of the parent + length sin φ, z = z of the parent - length cos φ
     upright axis      its link lies level: r = length, z = 0, φ = 0
 
-With Jacobians  (∂r/∂q_i, ∂z/∂q_i) = sense_i (z_joint - z, r - r_joint)  for all joints i before a mass that swing, where
-r and z are those of the mass and of the joint, and with the turn ψ of the upright axis:
+With Jacobians  (∂r/∂q_i, ∂z/∂q_i) = sense_i (z_joint - z, r - r_joint)  for all joints i before a mass that swing,
+where r and z are those of the mass and of the joint, and with the turn ψ of the upright axis:
 
     inertia   M_ij = Σ m (∂r/∂q_i ∂r/∂q_j + ∂z/∂q_i ∂z/∂q_j),   M_ψψ = Σ m r²,   all other M_ψi = 0
     torque    T_i = -Σ m (∂r/∂q_i (a_r - r ψ'²) + ∂z/∂q_i (g + a_z)),   T_ψ = -Σ 2 m r r' ψ'
@@ -125,5 +125,11 @@ def _end_of(link: Link, joint: _End, angle: float, speed: float) -> _End:
     r, z = link.length * sin(turned), -link.length * cos(turned)
     pull = rate * rate
     return _End(
-        turned, rate, joint.r + r, joint.z + z, joint.r_rate - z * rate, joint.r_pull - r * pull, joint.z_pull - z * pull
+        turned,
+        rate,
+        joint.r + r,
+        joint.z + z,
+        joint.r_rate - z * rate,
+        joint.r_pull - r * pull,
+        joint.z_pull - z * pull,
     )
