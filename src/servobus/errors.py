@@ -5,6 +5,7 @@
     │   ├── UnknownName (KeyError)    no such register, model, family or servo
     │   ├── BadValue                  a value that the register or the move cannot take
     │   ├── RobotFileError            a robot file that is wrong: with its line, the key, the value and the remedy
+    │   ├── FormatError               a file of another program that cannot be taken over, or not be written
     │   └── EepromWear                a register in EEPROM was written too often lately
     ├── PortError (OSError)           the port cannot be opened, is in use, or is closed
     │   └── PortLost                  the port was open and went away: unplugged, hung up, or stuck
@@ -80,6 +81,10 @@ class BadValue(UsageError):
 
 class RobotFileError(UsageError):
     """A robot file cannot be read or is wrong. The message says where, what, and how it is mended."""
+
+
+class FormatError(UsageError):
+    """A file of another program cannot be read as such, or does not say what a robot file needs; or the other way."""
 
 
 class EepromWear(UsageError):

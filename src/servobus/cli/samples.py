@@ -76,8 +76,9 @@ class Sampler:
     """Reads registers of servos at a fixed rate: iterate over it, and get the samples of each turn.
 
     A servo that does not answer gives samples without a value, and the others go on; it is asked again, and comes back.
-    One that is not there at the start is noted, and joins in when it answers. Nothing moves. Raises UnknownName for a
-    register that one of the servos lacks, ServobusError if no servo is there.
+    What makes no sense is asked for once more at once. A servo that is not there at the start is noted, and joins in
+    when it answers. Nothing moves. Raises UnknownName for a register that one of the servos lacks, ServobusError if no
+    servo is there.
     """
 
     def __init__(self, bus: Bus, where: Where, ids: Ids, names: Sequence[str], period: float) -> None:
@@ -111,12 +112,25 @@ class Sampler:
             yield self._samples(tick.time, self._cycle.run())
 
     def _samples(self, time: float, seen: Result) -> list[Sample]:
+        read: dict[BusServo, Mapping[str, Any] | BusError] = {
+            servo: self._second_look(servo, seen.lost[servo]) if servo in seen.lost else seen[servo]  # type: ignore[arg-type] # a cycle loses by BusError
+            for servo in self._servos
+        }
         return [
-            Sample(time, servo, name, row, error=seen.lost[servo])  # type: ignore[arg-type] # a cycle loses by BusError
-            if servo in seen.lost
-            else Sample(time, servo, name, row, seen[servo][name])
+            Sample(time, servo, name, row, error=one)
+            if isinstance(one := read[servo], BusError)
+            else Sample(time, servo, name, row, one[name])
             for servo, name, row in self.columns
         ]
+
+    def _second_look(self, servo: BusServo, error: BusError) -> Mapping[str, Any] | BusError:
+        """Read a servo alone whose answer made no sense: a watch has time for that, and a control loop has not."""
+        if isinstance(error, NoReply):
+            return error
+        try:
+            return servo.read_many(self._names)
+        except BusError as again:
+            return again
 
     def tell_end(self) -> None:
         """Note how many turns were left out because the line, or this program, was too slow for the rate.

@@ -1,7 +1,8 @@
 """How many questions may be under way at once, and how far apart they must be.
 
 On one wire (Dynamixel, LewanSoul) a question goes out when the reply to the last is here, or must have left the
-servo: an adapter that hands replies over late costs its delay once and not with each servo.
+servo: an adapter that hands replies over late costs its delay once and not with each servo. Where replies are garbled
+because a servo took longer, the next question waits longer for it, as the gaps below tell.
 
 On two wires (HerkuleX) questions go out while replies come in. Replies are longer than questions and share one wire,
 so the questions are kept apart by filler bytes, which no servo takes for part of a packet; they space the questions to
@@ -27,8 +28,10 @@ from servobus.core.ids import BROADCAST
 from servobus.errors import BusError, DuplicateId, Garbled, Refused
 
 APART = 0.002
-"""s that questions on one wire keep from each other beyond a reply that did not come: assumption, USB adapters send
-in frames of 1 ms, so that two requests can come closer by one."""
+"""s that questions on one wire keep from each other beyond a reply that did not come, at least: assumption, USB
+adapters send in frames of 1 ms, so that two requests can come closer by one."""
+APART_AT_MOST = 0.032
+"""The same where replies met: assumption, a servo that is slower still answers better when asked alone."""
 DEPTH = 32
 """Questions under way at once, at most."""
 GAP = 100e-6
@@ -108,11 +111,11 @@ class Pipeline:
             free = len(data) + (1 + framing.baud_tolerance) * exchange.reply_size + gap
         return bytes(data), ends
 
-    @staticmethod
-    def answered_within(exchange: Exchange[Any], byte_time: float) -> float:
+    def answered_within(self, exchange: Exchange[Any], byte_time: float) -> float:
         """Give the s after which the reply to a request that has left is no longer on the wire."""
         size = exchange.reply_size * byte_time
-        return (1 + exchange.framing.baud_tolerance) * (exchange.typical_delay + size) + APART
+        gap = max(self._gaps.get((exchange.framing, exchange.id), APART), APART)
+        return (1 + exchange.framing.baud_tolerance) * (exchange.typical_delay + size) + gap
 
     def learn(
         self, exchanges: Sequence[Exchange[Any]], outcomes: Sequence[Any], byte_time: float, *, noisy: bool
@@ -126,11 +129,12 @@ class Pipeline:
             before = servos[n - 1]
             collided = n - 1 in garbled or before in self._suspected
             (met if collided else suspected).add(before)
-        least = LEAST * byte_time
         for exchange, servo in zip(exchanges, servos, strict=True):
+            two_wires = bool(exchange.framing.filler)
+            least, most = (LEAST * byte_time, exchange.max_delay) if two_wires else (APART, APART_AT_MOST)
             gap = self._gaps.get(servo, GAP)
             if servo in met:
-                self._gaps[servo] = min(max(2 * gap, least), exchange.max_delay)
+                self._gaps[servo] = min(max(2 * gap, least), most)
             else:
                 self._gaps[servo] = max(gap * (SLOWLY if servo in self._collided else FAST), least)
         self._suspected = suspected

@@ -227,7 +227,8 @@ class BaseRobot(JointSet[J], Generic[J, B]):
     def check(self, *, strangers: bool = True) -> RobotJob[Attendance]:
         """Compare who answers with the file: missing, strangers, wrong models, swapped ones. Moves nothing.
 
-        Strangers are looked for at the speeds of the servos in the file; that takes longest.
+        Strangers are looked for at the speeds of the servos in the file; that takes longest. Without `strangers` only
+        those are found that have the id of a new servo.
         """
         found = yield from attendance.check(self.file, self.buses, list(self), strangers=strangers)
         self.attendance = found

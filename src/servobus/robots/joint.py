@@ -11,9 +11,7 @@ from servobus.core.values import frozen
 from servobus.errors import BadValue
 from servobus.robots.axis import Axis
 from servobus.robots.file.entries import JointEntry
-
-ROUNDING = 1e-9
-"""rad by which a limit may be missed by reckoning."""
+from servobus.robots.file.reading import ROUNDING
 
 
 @frozen

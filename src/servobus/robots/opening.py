@@ -11,7 +11,7 @@ from servobus.errors import PortError
 from servobus.robots.attendance import refuse
 from servobus.robots.base import check_safe
 from servobus.robots.blocking import Robot
-from servobus.robots.file.entries import RobotFile
+from servobus.robots.file.entries import OPEN_PORT, RobotFile
 from servobus.robots.file.reading import read_file
 from servobus.transports import usb_adapter
 from servobus.transports.base import Transport
@@ -89,8 +89,10 @@ def _opened(file: RobotFile, stack: ExitStack, make: Callable[..., B]) -> dict[s
 def port_path(path: str) -> str:
     """Give the path of a port: `usb:SERIAL` is where the adapter with this serial number is now.
 
-    Raises PortError if no such adapter is plugged in.
+    Raises PortError if no such adapter is plugged in, or if the file leaves the path open.
     """
+    if path == OPEN_PORT:
+        raise PortError("its path is not known yet; write it into the file: `servobus ports` lists the ports")
     if not path.startswith(USB):
         return path
     serial = path.removeprefix(USB)

@@ -38,6 +38,13 @@ def test_M1_values_line_by_line_where_there_is_no_terminal(run: Run) -> None:
     ]
 
 
+def test_M1_what_makes_no_sense_is_asked_for_once_more(run: Run) -> None:
+    port = "virtual:rx28@1-2?clock=virtual&faults=seed=1,drop@3=0.1"
+    said = run("read", port, "1,2", "present_temperature", "--watch", "--interval", 0.1, "--seconds", 3).stdout
+    assert said.count("25 °C") >= 60
+    assert "no answer" not in said
+
+
 def test_M1_an_object_a_line(run: Run) -> None:
     said = run("read", ARM, "1,7", "present_temperature", "--watch", "--interval", 0.25, "--seconds", 0.3, "--json")
     assert [json.loads(line) for line in said.stdout.splitlines()] == [

@@ -219,6 +219,12 @@ class TestOneWire:
         assert good(bus.do(volley(questions))) == 20
         assert port.now() - start < 20 * 16e-3 / 3
 
+    def test_a_servo_that_answers_later_than_its_settings_say_is_waited_for(self) -> None:
+        bus, _ = opened("rx28@1-3,answer_time=20us-3ms", RX28, range(1, 4))
+        questions: list[Exchange[Any]] = [dynamixel1.read_data(id, 36, 2) for id in range(1, 4)]
+        lost = sum(3 - good(bus.do(volley(questions, again=False))) for _ in range(200))
+        assert lost <= 2 * 3  # two at a time, until the gap behind each servo is once twice as wide
+
     @pytest.mark.parametrize("seed", range(8))
     def test_no_wrong_value_whatever_happens(self, seed: int) -> None:
         bus, port, _ = rx28s(10)

@@ -15,6 +15,10 @@ class RobotGroup(VerbGroup):
             "check": ("robots.check:check", "Compare who answers with the robot file."),
             "plan": ("robots.settings:plan", "Compare the servos' settings with the robot file."),
             "apply": ("robots.settings:apply", "Write the settings of the robot file."),
+            "adopt": ("robots.adopt:adopt", "Put a new servo in the place of a dead one."),
+            "export": ("robots.files:export", "Write a file of another program."),
+            "import": ("robots.files:import_", "Take in a file of another program."),
+            "schema": ("robots.schema:schema", "Print what an editor checks a robot file with."),
         },
     }
 

@@ -122,7 +122,7 @@ def _note_broken_off(opened: Robot, file: str) -> None:
     run = Backups(opened.file).latest()
     if run is not None and run.state == "under way":
         note(
-            f"an earlier apply or adopt was broken off ({run.folder}): `servobus robot apply {file}` does the rest; "
+            f"an earlier apply was broken off ({run.folder}): `servobus robot apply {file}` does the rest; "
             f"{_undo_hint(file)}"
         )
     if run is not None and run.state == "being undone":

@@ -44,6 +44,8 @@ from servobus.robots.file.kinds import (
 
 FORMAT = 1
 """Version of the format of robot files that is written and read here."""
+OPEN_PORT = "?"
+"""Path of a port that is not known yet: an import writes it, and opening the robot asks for the true one."""
 SAFE_ACTIONS: tuple[SafeAction, ...] = ("hold", "free", "brake")
 
 _ANGLE = Measured("rad", "90deg")

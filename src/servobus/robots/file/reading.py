@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
 
 from servobus.core.registers import Motion, Register
-from servobus.core.units import show
+from servobus.core.units import deg, show
 from servobus.core.values import frozen
 from servobus.errors import RobotFileError, UsageError
 from servobus.jobs.backup import identity_names
@@ -42,6 +42,8 @@ PARTS: dict[str, type] = {"mirror": MirrorEntry, "protect": ProtectEntry, "load"
 ANGLE = Measured("rad", "90deg")
 VIRTUAL = "virtual:"
 """What stands in front of the name of a file whose servos are to be virtual ones."""
+ROUNDING = 1e-4 * deg
+"""rad by which an angle may miss a limit: files have angles with so many digits, and reckoning rounds."""
 
 
 def read_file(path: str | PathLike[str]) -> RobotFile:
@@ -129,7 +131,8 @@ class _Reader:
             for joint, angle in step.joints.items():
                 self._value((*path, "steps", joint), ANGLE.read, angle)
         times = [step.time for step in made]
-        if late := next((two for one, two in pairwise(times) if not one < two), None):
+        late = next((two for one, two in pairwise(times) if not one < two), None)
+        if late is not None:
             self._refuse((*path, "steps"), f"each step comes later than the one before it; {show(late, 's')} does not")
         rest = {key: value for key, value in table.items() if key != "steps"}
         return self._entry(MotionEntry, rest, path, also=("steps",), name=name, steps=made)
@@ -240,7 +243,7 @@ class _Reader:
                     ("joint", joint.name, "zero"), "the two servos have no angle in common; look at both zeros"
                 )
             return
-        if (low, high) != joint.limits:
+        if low - joint.limits[0] > ROUNDING or joint.limits[1] - high > ROUNDING:
             can = replace(joint, limits=None).range
             self._refuse(
                 path,
@@ -266,7 +269,7 @@ class _Reader:
         for joint, angle in angles.items():
             self._there(joint, file.joints, (*path, joint), "joint")
             low, high = file.joints[joint].range
-            if not low - 1e-9 <= angle <= high + 1e-9:
+            if not low - ROUNDING <= angle <= high + ROUNDING:
                 self._refuse(
                     (*path, joint),
                     f"{show(angle, 'rad')} is outside the limits of the joint, {show(low, 'rad')} .. "

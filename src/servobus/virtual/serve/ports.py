@@ -21,6 +21,7 @@ from typing import Self
 from servobus.errors import PortError, UsageError
 from servobus.transports.pty import PseudoTerminal
 from servobus.virtual.serve.rig import Rig
+from servobus.virtual.serve.run_queue import RunQueue
 from servobus.virtual.serve.spec import REAL_CLOCK
 
 PULSE = 0.02
@@ -55,24 +56,33 @@ class Port(ABC):
         """Carry bytes until `stop` is set. The rig's time 0 is now."""
         started = time.monotonic()
         kept_up = 0.0
-        while not stop.is_set():
-            with self.rig.lock:
-                now = time.monotonic() - started
-                gone = self.rig.gone(now)
-                replies, look = (b"", None) if gone else (self.rig.receive(now), self.rig.next_look())
-            if gone:
-                self._stay_away(stop, started)
-                continue
-            if replies:
-                self._send(replies)
-            data = self._wait(PULSE if look is None else min(max(look - now, 0), PULSE))
-            with self.rig.lock:
-                now = time.monotonic() - started
+        with RunQueue() as queue:
+            while not stop.is_set():
+                with self.rig.lock:
+                    now = time.monotonic() - started
+                    gone = self.rig.gone(now)
+                    replies, look = (b"", None) if gone else (self.rig.receive(now), self.rig.next_look())
+                if gone:
+                    self._stay_away(stop, started)
+                    continue
+                if replies:
+                    self._send(replies)
+                waited = queue.waited()
+                timeout = PULSE if look is None else min(max(look - now, 0), PULSE)
+                data = self._wait(timeout)
+                came = time.monotonic() - started
                 if data:
-                    self.rig.client_baud = self._baud()
-                    self.rig.send(data, now)
-                elif look is None and now - kept_up >= PULSE:
-                    self._keep_up(now)
+                    # A servo does not answer late because the computer is busy: what ended the wait has come when this
+                    # thread could have run. What came after the wait was over has come at some time since then.
+                    if (could_run := came - (queue.waited() - waited)) < now + timeout:
+                        came = max(could_run, now)
+                    with self.rig.lock:
+                        self.rig.client_baud = self._baud()
+                        self.rig.send(data, came)
+                elif look is None and came - kept_up >= PULSE:
+                    with self.rig.lock:
+                        now = time.monotonic() - started
+                        self._keep_up(now)
                     kept_up = now
 
     def _appear(self) -> None:

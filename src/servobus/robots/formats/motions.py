@@ -1,0 +1,64 @@
+"""Motions of other programs as motions of a robot file: what all of them share."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from servobus.core.units import deg, show
+from servobus.errors import FormatError
+from servobus.robots.file.entries import RobotFile
+from servobus.robots.file.reading import ROUNDING
+from servobus.robots.formats.base import Given, listed, plain_name
+
+PLACES = 4
+"""Places of degrees and of seconds that are written."""
+
+
+def motion_name(file: RobotFile, given: Given) -> str:
+    """Give the name of a motion that comes into a robot file. Raises FormatError if it has one of this name."""
+    name = given.motion or plain_name(given.source.rsplit(".", 1)[0])
+    if name in file.motions:
+        raise FormatError(f"{file.name} has a motion {name} already; give another name, as in --name {name}2")
+    return name
+
+
+def check_angle(file: RobotFile, joint: str, angle: float, where: str) -> float:
+    """Give an angle of a joint, rad, in degrees to be written. Raises FormatError outside its limits."""
+    low, high = file.joints[joint].range
+    told = round(angle / deg, PLACES)
+    if not low - ROUNDING <= told * deg <= high + ROUNDING:
+        raise FormatError(
+            f"{where}: {joint} goes to {show(angle, 'rad')}, which is outside its limits in {file.name}, "
+            f"{show(low, 'rad')} .. {show(high, 'rad')}; nothing was taken"
+        )
+    return told + 0.0
+
+
+def figure(value: float) -> str:
+    """Write a number without needless places."""
+    return f"{value:.{PLACES}f}".rstrip("0").rstrip(".")
+
+
+def steps_of(times: list[float], poses: list[Mapping[str, float]]) -> list[dict[str, Any]]:
+    """Give the steps of a motion as a robot file has them; times in s, angles in degrees."""
+    return [
+        {"joints": {joint: f"{figure(angle)}deg" for joint, angle in pose.items()}, "time": f"{figure(time)}s"}
+        for time, pose in zip(times, poses, strict=True)
+    ]
+
+
+def samples_of(times: list[float], poses: list[Mapping[str, float]]) -> str:
+    """Give samples as a file beside the robot file has them: columns time, in s, and each joint, in degrees."""
+    joints = list(poses[0])
+    rows = [["time", *joints]]
+    rows += [
+        [figure(time), *(figure(pose[joint]) for joint in joints)] for time, pose in zip(times, poses, strict=True)
+    ]
+    return "".join(f"{','.join(row)}\n" for row in rows)
+
+
+def none_known(file: RobotFile, given: Given, names: list[str]) -> FormatError:
+    """Make the error for a motion of which no joint is in the robot file."""
+    return FormatError(
+        f"{given.source}: none of its servos is a joint of {file.name}; it has {listed(names) or 'none'}, and "
+        f"{file.name} has {listed(file.joints)}; say which is which, as in --joint THEIRS=OURS"
+    )

@@ -1,0 +1,130 @@
+"""Action groups of Hiwonder and moves of pypot as motions of a robot file."""
+
+import json
+import sqlite3
+from collections.abc import Sequence
+from contextlib import closing
+from typing import Any
+
+import pytest
+
+from servobus import FormatError
+from servobus.robots.file.reading import read_text
+from servobus.robots.file.writing import edited
+from servobus.robots.formats import d6a, move
+from servobus.robots.formats.base import Given
+from unit.robots.arms import SIX
+
+
+def group(rows: Sequence[tuple[Any, ...]], columns: str = "Time INT, Servo1 INT, Servo2 INT, Servo9 INT") -> bytes:
+    """Make an action group, as Hiwonder's editor does: one table, a row a pose."""
+    with closing(sqlite3.connect(":memory:")) as database:
+        database.execute(f"CREATE TABLE ActionGroup ([Index] INTEGER PRIMARY KEY AUTOINCREMENT UNIQUE, {columns})")
+        marks = ", ".join("?" * (columns.count(",") + 1))
+        names = ", ".join(column.split()[0] for column in columns.split(","))
+        database.executemany(f"INSERT INTO ActionGroup ({names}) VALUES ({marks})", rows)
+        database.commit()
+        return bytes(database.serialize())
+
+
+ROWS = [(500, 500, 300, 0), (1500, 458, 500, 0), (200, 500, 300, 0)]
+
+
+def taken(data: bytes, **said: Any) -> Any:
+    file = read_text(SIX)
+    changes = d6a.onto(data, file, Given("wave hand.d6a", **said))
+    return read_text(edited(file, changes.changes)), changes
+
+
+def test_an_action_group_is_a_motion_of_steps() -> None:
+    file, changes = taken(group(ROWS))
+    motion = file.motions["wave_hand"]
+    assert motion.path == "pchip"
+    assert [step.time for step in motion.steps] == [0.0, 1.5, 1.7]  # the first way is not part of it
+    # wrist: zero 110°, turned round: 500 counts are 120°, so -10°; 458 are 109.92°, so 0.08°
+    # grip: zero 60°, behind 2.5:1: 300 counts are 72°, so 4.8°; 500 are 120°, so 24°
+    assert motion.steps[0].joints == {"wrist": "-10deg", "grip": "4.8deg"}
+    assert motion.steps[1].joints == {"wrist": "0.08deg", "grip": "24deg"}
+    assert "Servo9" in " ".join(changes.notes)
+    assert changes.files == {}
+
+
+def test_ids_find_the_bus_servos() -> None:
+    """Ids 1 and 2 are on all three ports of the arm, but on one of them are bus servos."""
+    file, _ = taken(group([(1, 300)], "Time INT, Servo2 INT"), motion="m")
+    assert file.motions["m"].steps[0].joints == {"grip": "4.8deg"}
+    with pytest.raises(FormatError, match="base, elbow, wrist all have id 1"):
+        taken(group([(1, 1500)], "Time INT, Servo1 INT"), kind="pwm")
+
+
+def test_pulses_must_be_said() -> None:
+    pulses = group([(500, 1500, 1500, 1500), (500, 1700, 1500, 1500)])
+    with pytest.raises(FormatError, match="--kind pwm"):
+        taken(pulses, joints={"Servo1": "wrist"})
+    file, changes = taken(pulses, joints={"Servo1": "wrist", "Servo2": "turn"}, kind="pwm", motion="w")
+    # 200 µs are 18° of the servo, whose middle is 120°: 138°, joint 110° - 138° = -28°
+    assert file.motions["w"].steps[1].joints["wrist"] == "-28deg"
+    assert "180°" in " ".join(changes.notes)
+
+
+@pytest.mark.parametrize(
+    ("data", "said", "words"),
+    [
+        (b"SQLite format 3\0nothing", {}, "no action group"),
+        (group([], "Time INT, Servo1 INT"), {}, "no pose"),
+        (group([(1, 2)], "Time INT, Pose INT"), {}, "columns Time and Servo1"),
+        (group([(1, "x")], "Time INT, Servo1 INT"), {}, "no whole number"),
+        (group([(100, 500, 300, 0), (0, 500, 300, 0)]), {}, "row 2 has 0 ms"),
+        (group([(100, 1000, 300, 0)]), {}, "row 1: wrist goes to -130.0°, which is outside its limits"),
+        (group([(100, -4, 300, 0)]), {}, "0 to 1000"),
+        (group(ROWS), {"joints": {"Servo1": "base"}}, "other counts"),
+        (group(ROWS), {"joints": {"Servo1": "hip"}}, "no joint"),
+        (group(ROWS), {"joints": {"Servo1": "wrist", "Servo2": "wrist"}}, "two of its servos"),
+        (group(ROWS), {"motion": "wave"}, "--name wave2"),
+        (group([(1, 3000)], "Time INT, Servo9 INT"), {"kind": "pwm", "joints": {"Servo9": "wrist"}}, "500 to 2500"),
+    ],
+)
+def test_a_wrong_group_is_refused(data: bytes, said: dict[str, Any], words: str) -> None:
+    with pytest.raises(FormatError, match=words):
+        taken(data, **said)
+
+
+def positions(**poses: dict[str, list[float]]) -> bytes:
+    return json.dumps({"framerate": 50.0, "positions": poses}).encode()
+
+
+MOVE = positions(**{"0.02": {"wrist": [12.5, 0.0], "m7": [0.0, 0.0]}, "0.5": {"wrist": [-3.25, 8.0], "m7": [1.0, 0.0]}})
+
+
+def test_a_move_is_a_file_of_samples() -> None:
+    file = read_text(SIX)
+    changes = move.onto(MOVE, file, Given("nod.move"))
+    assert changes.files == {"nod.csv": "time,wrist\n0,12.5\n0.48,-3.25\n"}
+    made = read_text(edited(file, changes.changes))
+    assert made.motions["nod"].file == "nod.csv"
+    assert "m7" in " ".join(changes.notes)
+
+
+def test_times_are_put_in_order() -> None:
+    data = positions(**{"10.0": {"wrist": [1.0, 0]}, "9.5": {"wrist": [2.0, 0]}})
+    changes = move.onto(data, read_text(SIX), Given("nod.move"))
+    assert changes.files["nod.csv"] == "time,wrist\n0,2\n0.5,1\n"
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"{}", "positions by time"),
+        (positions(x={"wrist": [0.0, 0.0]}), "no time"),
+        (positions(nan={"wrist": [0.0, 0.0]}), "no time"),
+        (positions(**{"0": {}}), "no motors"),
+        (b'{"positions": {"0": {"wrist": []}}}', "position in degrees"),
+        (positions(**{"0": {"wrist": [0.0]}, "1": {"grip": [0.0]}}), "other motors"),
+        (positions(**{"0": {"wrist": [0.0]}, "0.0": {"wrist": [1.0]}}), "two of its samples"),
+        (positions(**{"0": {"wrist": [120.0, 0.0]}}), "outside its limits"),
+        (positions(**{"0": {"m1": [0.0, 0.0]}}), "--joint"),
+    ],
+)
+def test_a_wrong_move_is_refused(data: bytes, words: str) -> None:
+    with pytest.raises(FormatError, match=words):
+        move.onto(data, read_text(SIX), Given("nod.move"))
