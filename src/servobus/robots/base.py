@@ -95,6 +95,14 @@ class JointSet(Closed, Generic[J]):
     def __contains__(self, joint: object) -> bool:
         return joint in self.joints or any(one is joint for one in self)
 
+    def named(self, *names: str) -> list[J]:
+        """Give joints by their names, each once and in the order of the robot file; all if none is named.
+
+        Raises UnknownName.
+        """
+        wanted = {self[name].name for name in names} or set(self.joints)
+        return [joint for name, joint in self.joints.items() if name in wanted]
+
     # What one can ask of all
 
     @bus_method
