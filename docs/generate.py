@@ -1,10 +1,11 @@
-"""Write the register pages in docs/registers from the tables, and the rooms in docs/architecture.md from the code.
+"""Write what is made from the code: pages in docs/registers, rooms in docs/architecture.md, the schema of robot files.
 
 python docs/generate.py            write them
 python docs/generate.py --check    write nothing; name the pages that are not current, exit status 1
 """
 
 import ast
+import json
 import re
 import sys
 import tomllib
@@ -22,6 +23,7 @@ from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Sw
 from servobus.families import registry
 from servobus.families.base import Model
 from servobus.families.present import differences
+from servobus.robots.file import schema
 from servobus.virtual.device.motor_set import HEAT, MotorSet
 from servobus.virtual.device.motors import misses, motor_sets, supply
 
@@ -30,6 +32,7 @@ PAGES = DOCS / "registers"
 ARCHITECTURE = DOCS / "architecture.md"
 ROOT = DOCS.parent
 SOURCE = ROOT / "src" / "servobus"
+SCHEMA = SOURCE / "robots" / "file" / schema.FILE
 BEGIN, END = "<!-- made by docs/generate.py -->", "<!-- to here -->"
 """Between these, architecture.md has what is made here."""
 FACE = "servobus"
@@ -63,7 +66,9 @@ def main(arguments: list[str]) -> int:
 def files() -> dict[str, tuple[Path, str]]:
     """Give every file that is made, or a part of which is: name -> path and text."""
     made = {f"docs/registers/{name}": (PAGES / name, text) for name, text in pages().items()}
-    return made | {"docs/architecture.md": (ARCHITECTURE, architecture(ARCHITECTURE.read_text(encoding="utf-8")))}
+    made["docs/architecture.md"] = ARCHITECTURE, architecture(ARCHITECTURE.read_text(encoding="utf-8"))
+    made[schema.FILE] = SCHEMA, f"{json.dumps(schema.schema(), indent=2, ensure_ascii=False)}\n"
+    return made
 
 
 def pages() -> dict[str, str]:

@@ -19,6 +19,7 @@ class RobotGroup(VerbGroup):
             "adopt": ("robots.adopt:adopt", "Put a new servo in the place of a dead one."),
             "export": ("robots.files:export", "Write a file of another program."),
             "import": ("robots.files:import_", "Take in a file of another program."),
+            "schema": ("robots.schema:schema", "Print what an editor checks a robot file with."),
         },
     }
 
