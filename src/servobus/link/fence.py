@@ -26,7 +26,7 @@ def fenced(
 ) -> Waits[BusError | None]:
     """Make sure that no late reply can be taken for this one. Gives why that could not be; None if it is sure.
 
-    fences  makes questions to the servo that could serve; the first is one that every servo answers. None for a broadcast
+    fences  makes questions to the servo that could serve, none for a broadcast; every servo answers the first one
     ask     asks one of them, and gives its result or the BusError that came of it
     listen  takes note of what comes until a time, s, or until something is so
     """
