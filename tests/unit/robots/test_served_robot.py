@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -90,5 +91,5 @@ def test_the_command_serves_a_robot_file_and_takes_lines(path: Path, tmp_path: P
 
 
 def test_a_file_without_a_name_can_be_served() -> None:
-    with serve_robot(read_text(TWO)) as served, servobus.robot(served.path) as arm:
+    with serve_robot(replace(read_text(TWO), virtual="load=blocked")) as served, servobus.robot(served.path) as arm:
         assert [joint.name for joint in arm] == ["shoulder", "elbow"]
