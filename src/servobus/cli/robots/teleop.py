@@ -31,7 +31,7 @@ EVERY = 1.0
 @verb(
     "teleop",
     "servobus teleop leader.toml follower.toml",
-    "servobus teleop lead.toml arm.toml --map lift=arm2:-1 --map grip=claw:0.5:10deg",
+    "servobus teleop lead.toml arm.toml --map lift=j2:-1 --map grip=claw:0.5:10deg",
     "servobus teleop leader.toml follower.toml --record run.mcap",
 )
 @click.argument("leader", type=click.Path())
