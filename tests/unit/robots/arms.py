@@ -36,7 +36,7 @@ speed = "120deg/s"
 port = "base"
 model = "rx28"
 id = 2
-zero = "120deg"
+zero = "130deg"
 direction = -1
 limits = ["-60deg", "80deg"]
 speed = "90deg/s"
@@ -53,7 +53,7 @@ id = 1
 zero = "-20deg"
 direction = -1
 ratio = 2.0
-limits = ["-100deg", "100deg"]
+limits = ["-65deg", "65deg"]
 safe_action = "hold"
 
 [joint.turn]
@@ -62,6 +62,7 @@ model = "drs0602"
 id = 2
 zero = "35deg"
 ratio = 1.5
+limits = ["-120deg", "80deg"]
 
 [joint.wrist]
 port = "hand"

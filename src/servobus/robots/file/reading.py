@@ -191,6 +191,7 @@ class _Reader:
                     )
                 taken[who] = name
             self._range(joint)
+            self._value((*path, "protect"), JointEntry.thresholds.__get__, joint)
             self._registers(joint)
             if joint.load is not None and joint.load.parent is not None:
                 self._there(joint.load.parent, file.joints, (*path, "load", "parent"), "joint")
