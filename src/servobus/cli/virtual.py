@@ -180,7 +180,7 @@ def virtual(
 
 def _note_duplicate_ids(servos: Servos) -> None:
     """Note which servos share an id: their replies collide, by mistake or on purpose."""
-    ids = Counter((model.family.name, id) for model, some, _ in servos for id in some)
+    ids = Counter((model.family.name, id) for model, some, *_ in servos for id in some)
     for (family, id), count in ids.items():
         if count > 1:
             note(f"{count} {family} servos with id {id}: their answers collide, as those of real ones do")

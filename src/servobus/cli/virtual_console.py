@@ -154,7 +154,7 @@ class VirtualConsole:
         if which == "all":
             found = self.rig.servos
         elif "@" in which:
-            wanted = [(model, id) for model, ids, _ in parse_specs(which) for id in ids]
+            wanted = [(model, id) for model, ids, *_ in parse_specs(which) for id in ids]
             found = [servo for servo in self.rig.servos if (servo.model, servo.id) in wanted]
         else:
             ids = parse_ids(which)

@@ -520,7 +520,7 @@ class Link:
         for n, (exchange, reply) in enumerate(asked):
             id = exchange.id if reply is None or reply.id is None else reply.id
             error: BusError | None = self.log.second_replies.pop((exchange.framing, id), None)
-            if error is None and reply is not None and not fence:
+            if error is None and reply is not None and not fence and self.log.late_replies:
                 error = yield from self._fenced(exchange, reply, id)
             if error is not None:
                 refused[n] = error

@@ -100,6 +100,14 @@ class JointSet(Closed, Generic[J]):
     def _no_attribute(self, name: str) -> str:
         return f"{name} cannot be set; to move a joint: move({name if name in self.joints else 'NAME'}=20 * deg)"
 
+    def named(self, *names: str) -> list[J]:
+        """Give joints by their names, each once and in the order of the robot file; all if none is named.
+
+        Raises UnknownName.
+        """
+        wanted = {self[name].name for name in names} or set(self.joints)
+        return [joint for name, joint in self.joints.items() if name in wanted]
+
     # What one can ask of all
 
     @bus_method
@@ -233,7 +241,8 @@ class BaseRobot(JointSet[J], Generic[J, B]):
     def check(self, *, strangers: bool = True) -> RobotJob[Attendance]:
         """Compare who answers with the file: missing, strangers, wrong models, swapped ones. Moves nothing.
 
-        Strangers are looked for at the speeds of the servos in the file; that takes longest.
+        Strangers are looked for at the speeds of the servos in the file; that takes longest. Without `strangers` only
+        those are found that have the id of a new servo.
         """
         found = yield from attendance.check(self.file, self.buses, list(self), strangers=strangers)
         self.attendance = found

@@ -76,7 +76,7 @@ def test_a_motion_comes_with_a_file_of_samples(arm: Path, run: Run, refused: Cal
     Path("nod.move").write_text(MOVE)
     done = run("robot", "import", "nod.move", "--onto", arm.name)
     assert "samples in nod.csv" in done.stdout
-    assert Path("nod.csv").read_text() == "time,wrist\n0,1.5\n1,2.5\n"
+    assert Path("nod.csv").read_text() == "time,wrist\n0.0000,1.500\n1.0000,2.500\n"
     assert read_file(arm).motions["nod"].file == "nod.csv"
     text = arm.read_text()
     Path("other.csv").write_text("mine")

@@ -13,6 +13,7 @@ class RobotGroup(VerbGroup):
     verbs: ClassVar = {
         "Robot": {
             "check": ("robots.check:check", "Compare who answers with the robot file."),
+            "calibrate": ("robots.calibrate:calibrate", "Find zero, direction and limits of joints by hand."),
             "plan": ("robots.settings:plan", "Compare the servos' settings with the robot file."),
             "apply": ("robots.settings:apply", "Write the settings of the robot file."),
             "adopt": ("robots.adopt:adopt", "Put a new servo in the place of a dead one."),

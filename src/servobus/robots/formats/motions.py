@@ -1,6 +1,6 @@
 """Motions of other programs as motions of a robot file: what all of them share."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from servobus.core.units import deg, show
@@ -38,22 +38,12 @@ def figure(value: float) -> str:
     return f"{value:.{PLACES}f}".rstrip("0").rstrip(".")
 
 
-def steps_of(times: list[float], poses: list[Mapping[str, float]]) -> list[dict[str, Any]]:
+def steps_of(times: Sequence[float], poses: Sequence[Mapping[str, float]]) -> list[dict[str, Any]]:
     """Give the steps of a motion as a robot file has them; times in s, angles in degrees."""
     return [
         {"joints": {joint: f"{figure(angle)}deg" for joint, angle in pose.items()}, "time": f"{figure(time)}s"}
         for time, pose in zip(times, poses, strict=True)
     ]
-
-
-def samples_of(times: list[float], poses: list[Mapping[str, float]]) -> str:
-    """Give samples as a file beside the robot file has them: columns time, in s, and each joint, in degrees."""
-    joints = list(poses[0])
-    rows = [["time", *joints]]
-    rows += [
-        [figure(time), *(figure(pose[joint]) for joint in joints)] for time, pose in zip(times, poses, strict=True)
-    ]
-    return "".join(f"{','.join(row)}\n" for row in rows)
 
 
 def none_known(file: RobotFile, given: Given, names: list[str]) -> FormatError:

@@ -99,7 +99,7 @@ MOVE = positions(**{"0.02": {"wrist": [12.5, 0.0], "m7": [0.0, 0.0]}, "0.5": {"w
 def test_a_move_is_a_file_of_samples() -> None:
     file = read_text(SIX)
     changes = move.onto(MOVE, file, Given("nod.move"))
-    assert changes.files == {"nod.csv": "time,wrist\n0,12.5\n0.48,-3.25\n"}
+    assert changes.files == {"nod.csv": "time,wrist\n0.0000,12.500\n0.4800,-3.250\n"}
     made = read_text(edited(file, changes.changes))
     assert made.motions["nod"].file == "nod.csv"
     assert "m7" in " ".join(changes.notes)
@@ -108,7 +108,7 @@ def test_a_move_is_a_file_of_samples() -> None:
 def test_times_are_put_in_order() -> None:
     data = positions(**{"10.0": {"wrist": [1.0, 0]}, "9.5": {"wrist": [2.0, 0]}})
     changes = move.onto(data, read_text(SIX), Given("nod.move"))
-    assert changes.files["nod.csv"] == "time,wrist\n0,2\n0.5,1\n"
+    assert changes.files["nod.csv"] == "time,wrist\n0.0000,2.000\n0.5000,1.000\n"
 
 
 @pytest.mark.parametrize(
@@ -121,8 +121,9 @@ def test_times_are_put_in_order() -> None:
         (b'{"positions": {"0": {"wrist": []}}}', "position in degrees"),
         (positions(**{"0": {"wrist": [0.0]}, "1": {"grip": [0.0]}}), "other motors"),
         (positions(**{"0": {"wrist": [0.0]}, "0.0": {"wrist": [1.0]}}), "two of its samples"),
-        (positions(**{"0": {"wrist": [120.0, 0.0]}}), "outside its limits"),
-        (positions(**{"0": {"m1": [0.0, 0.0]}}), "--joint"),
+        (positions(**{"0": {"wrist": [120.0, 0.0]}, "1": {"wrist": [0.0, 0.0]}}), "outside its limits"),
+        (positions(**{"0": {"m1": [0.0, 0.0]}, "1": {"m1": [0.0, 0.0]}}), "--joint"),
+        (positions(**{"0": {"wrist": [0.0, 0.0]}}), "at least two"),
     ],
 )
 def test_a_wrong_move_is_refused(data: bytes, words: str) -> None:
