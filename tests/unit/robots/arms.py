@@ -36,7 +36,7 @@ speed = "120deg/s"
 port = "base"
 model = "rx28"
 id = 2
-zero = "130deg"
+zero = "120deg"
 direction = -1
 limits = ["-60deg", "80deg"]
 speed = "90deg/s"
@@ -53,7 +53,7 @@ id = 1
 zero = "-20deg"
 direction = -1
 ratio = 2.0
-limits = ["-65deg", "65deg"]
+limits = ["-100deg", "100deg"]
 safe_action = "hold"
 
 [joint.turn]
@@ -62,7 +62,6 @@ model = "drs0602"
 id = 2
 zero = "35deg"
 ratio = 1.5
-limits = ["-120deg", "80deg"]
 
 [joint.wrist]
 port = "hand"
@@ -105,3 +104,13 @@ steps = [
 """
 
 JOINTS = ("base", "lift", "elbow", "turn", "wrist", "grip")
+
+LIVE = (
+    SIX.replace(
+        'zero = "120deg"\ndirection = -1\nlimits = ["-60deg"', 'zero = "130deg"\ndirection = -1\nlimits = ["-60deg"'
+    )
+    .replace('limits = ["-100deg", "100deg"]', 'limits = ["-65deg", "65deg"]')
+    .replace("ratio = 1.5\n", 'ratio = 1.5\nlimits = ["-120deg", "80deg"]\n')
+)
+"""The same for servos as they come: both servos of the pair agree where they stand, and no limit is beyond those that
+a DRS-0602 has from the factory."""

@@ -28,7 +28,7 @@ def test_the_arm() -> None:
     first, second = lift.servos
     assert (first.id, first.port, first.axis.direction) == (2, "base", -1)
     assert (second.id, second.port, second.axis.direction) == (3, "base", 1)
-    assert (first.axis.zero, second.axis.zero) == pytest.approx((130 * deg, 170 * deg))
+    assert (first.axis.zero, second.axis.zero) == pytest.approx((120 * deg, 170 * deg))
     assert second.model is first.model is registry.model("rx28")
     assert lift.mirror is not None
     assert lift.mirror.disagreement == pytest.approx(4 * deg)
@@ -55,7 +55,7 @@ def test_all_keys() -> None:
     [
         # (0° .. 300° of the servo - 150°) * 1, within the limits
         ("base", -120, 120),
-        # servo 1: -(0 .. 300 - 130) = -170 .. 130, servo 2: (0 .. 300) - 170 = -170 .. 130, within -60 .. 80
+        # servo 1: -(0 .. 300 - 120) = -180 .. 120, servo 2: (0 .. 300) - 170 = -170 .. 130, within -60 .. 80
         ("lift", -60, 80),
         # no limits: (-455.0 .. 455.0 of the DRS-0602 - 35) / 1.5; the register holds whole steps of 360° / 12962
         ("turn", (-455 - 35) / 1.5, (455 - 35) / 1.5),
@@ -66,8 +66,7 @@ def test_all_keys() -> None:
     ],
 )
 def test_the_range_of_a_joint_is_within_limits_and_servo(joint: str, low: float, high: float) -> None:
-    text = SIX.replace('limits = ["-120deg", "80deg"]\n', "")
-    assert read_text(text).joints[joint].range == pytest.approx((low * deg, high * deg), abs=0.05 * deg)
+    assert read_text(SIX).joints[joint].range == pytest.approx((low * deg, high * deg), abs=0.05 * deg)
 
 
 def test_limits_may_be_all_that_the_servo_can() -> None:
@@ -137,15 +136,15 @@ MISTAKES: list[tuple[str, str, str]] = [
     ("ratio = 2.0", "ratio = -2.0", "[joint.elbow.ratio] -2.0 is no number above 0"),
     ("ratio = 2.0", "ratio = nan", "[joint.elbow.ratio] nan is no number above 0"),
     (
-        '["-65deg", "65deg"]',
-        '["65deg", "-65deg"]',
-        '[joint.elbow.limits] ["65deg", "-65deg"]: the lower limit comes',
+        '["-100deg", "100deg"]',
+        '["100deg", "-100deg"]',
+        '[joint.elbow.limits] ["100deg", "-100deg"]: the lower limit comes',
     ),
-    ('["-65deg", "65deg"]', '["65deg"]', '[joint.elbow.limits] ["65deg"] are no limits; write the lower and the'),
-    ('["-65deg", "65deg"]', '["-65deg", 100]', "[joint.elbow.limits] 100 has no unit"),
+    ('["-100deg", "100deg"]', '["100deg"]', '[joint.elbow.limits] ["100deg"] are no limits; write the lower and the'),
+    ('["-100deg", "100deg"]', '["-100deg", 100]', "[joint.elbow.limits] 100 has no unit"),
     (
-        '["-65deg", "65deg"]',
-        '["-300deg", "65deg"]',
+        '["-100deg", "100deg"]',
+        '["-300deg", "100deg"]',
         "[joint.elbow.limits] the DRS-0602 cannot be sent there: with this zero, direction and ratio the joint",
     ),
     ('speed = "120deg/s"', 'speed = "0deg/s"', '[joint.base.speed] "0deg/s" is not above 0'),
