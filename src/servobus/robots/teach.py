@@ -167,6 +167,8 @@ def motion_of_poses(poses: Sequence[Mapping[str, float]], joints: Sequence[Joint
     """Give the motion through marked poses. Raises UsageError for fewer than two, BadValue outside the limits."""
     if len(poses) < 2:
         raise UsageError(f"a motion has at least two poses, and {len(poses) or 'none'} was marked")
+    if lost := [joint.name for joint in joints if any(joint.name not in pose for pose in poses)]:
+        raise UsageError(f"{', '.join(lost)} did not answer at one of the poses; leave that pose out")
     times = [0.0]
     for before, after in pairwise(poses):
         need = max(

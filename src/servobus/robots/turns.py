@@ -7,7 +7,7 @@ whatever happened. One iterates over it, or waits:
     async for tick in play: ...      await play.wait()
 """
 
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncGenerator, Callable, Generator
 from typing import Any, Generic, TypeVar
 
 from servobus.bus.rate import Rate
@@ -26,8 +26,9 @@ FASTEST = 1000.0
 class Turns(Generic[K]):
     """See the head of this module.
 
-    period  s from turn to turn
-    over    whether it has ended, or is to end with the next turn
+    period    s from turn to turn
+    over      whether it has ended, or is to end with the next turn
+    schedule  the turns since it began, which counts those that were left out; None before
     """
 
     def __init__(self, clock: Callable[[], float], rate: float) -> None:
@@ -35,6 +36,7 @@ class Turns(Generic[K]):
             raise BadValue(f"{rate!r} turns a second: give 1 to {FASTEST:g}")
         self.period = 1 / rate
         self.over = False
+        self.schedule: Rate | None = None
         self._clock = clock
 
     @bus_method
@@ -53,9 +55,10 @@ class Turns(Generic[K]):
         raise NotImplementedError
 
     def turns(self) -> Rate:
-        """Give the turns."""
+        """Give the turns, from now on."""
         assert isinstance(self, Blocking | Awaiting)
-        return Rate(self, self._clock, self.period)
+        self.schedule = Rate(self, self._clock, self.period)
+        return self.schedule
 
 
 class BlockingTurns(Blocking, Turns[K]):
@@ -70,7 +73,7 @@ class BlockingTurns(Blocking, Turns[K]):
         result: T = self._robot.do(job, priority=priority)
         return result
 
-    def __iter__(self) -> Iterator[K]:
+    def __iter__(self) -> Generator[K, None, None]:
         try:
             self.begin()
             for _ in self.turns():
@@ -100,7 +103,7 @@ class AsyncTurns(Awaiting, Turns[K]):
         result: T = await self._robot.do(job, priority=priority)
         return result
 
-    async def __aiter__(self) -> AsyncIterator[K]:
+    async def __aiter__(self) -> AsyncGenerator[K, None]:
         try:
             await self.begin()
             async for _ in self.turns():
