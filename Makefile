@@ -5,6 +5,15 @@ BIN := $(VENV)/bin
 CORE := $(VENV)/.core
 READY := $(VENV)/.ready
 RIVALS := $(VENV)/.rivals
+# LeRobot needs Python 3.12 or later, and what it imports for robots needs few of its dependencies.
+COMPANION := companions/lerobot_robot_servobus
+LEROBOT_VENV := .venv-lerobot
+LEROBOT_READY := $(LEROBOT_VENV)/.ready
+LATER := python3.14 python3.13 python3.12 $(sort $(wildcard $(HOME)/.pyenv/versions/3.1[2-4].*/bin/python3))
+LEROBOT_PYTHON ?= $(firstword $(shell for python in $(PYTHON) $(LATER); do \
+	$$python -c 'import sys; sys.exit(sys.version_info < (3, 12))' 2>/dev/null && echo $$python; done))
+LEROBOT := lerobot==0.6.1 draccus==0.11.6 mergedeep typing-inspect typing_extensions mypy_extensions pyyaml \
+	pyyaml-include toml huggingface_hub numpy tqdm packaging filelock fsspec httpx requests
 # One process for each core, and a test goes to whoever is free. Tests start many programs: these find their bytecode.
 SPREAD := -n auto --dist worksteal
 # Tests on real time may fail where the others keep all cores busy: what failed is run once more, by itself.
@@ -13,7 +22,7 @@ unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-all check format docs bench faults soak clean
+.PHONY: help setup demo test test-all test-lerobot check format docs bench faults soak clean
 
 help:  ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -48,6 +57,22 @@ test: $(READY)  ## run the tests, slow ones with a few models that stand for all
 test-all: $(READY)  ## run all tests with all models, and more examples of each property
 	@$(BIN)/python -m pytest $(SPREAD) --all || { [ $$? = 1 ] && $(ALONE); }
 
+test-lerobot:  ## run the tests of the companion for LeRobot, where there is Python 3.12 or later
+	@if [ -z "$(LEROBOT_PYTHON)" ]; then \
+		echo "skipped: LeRobot needs Python 3.12 or later; make LEROBOT_PYTHON=python3.12 test-lerobot says which"; \
+	else \
+		$(MAKE) --no-print-directory $(LEROBOT_READY) && \
+		cd $(COMPANION) && $(CURDIR)/$(LEROBOT_VENV)/bin/python -m pytest; \
+	fi
+
+$(LEROBOT_READY): pyproject.toml $(COMPANION)/pyproject.toml Makefile
+	@echo "setting up $(LEROBOT_VENV) (once): LeRobot without what it needs for learning"
+	@$(LEROBOT_PYTHON) -m venv $(LEROBOT_VENV)
+	@$(LEROBOT_VENV)/bin/python -m pip install --quiet --disable-pip-version-check pytest --editable .
+	@$(LEROBOT_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps $(LEROBOT)
+	@$(LEROBOT_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --editable $(COMPANION)
+	@touch $(LEROBOT_READY)
+
 check: $(READY)  ## format, lint, types, imports, generated pages
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -72,4 +97,4 @@ soak: $(READY)  ## a million reads and writes under wire faults, each compared w
 	$(BIN)/python -m bench.soak $(SOAK)
 
 clean:  ## remove what was built
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist src/*.egg-info
+	rm -rf $(VENV) $(LEROBOT_VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist src/*.egg-info

@@ -2,7 +2,7 @@
 
 import sys
 
-from bench import latency, reads, startup, ticks, wire
+from bench import latency, reads, robot, startup, ticks, wire
 
 reads.main(sys.argv[1:])
 startup.main([])
@@ -12,3 +12,5 @@ print()
 latency.main([])
 print()
 ticks.main([])
+print()
+robot.main(["--quick"] if "--quick" in sys.argv else [])

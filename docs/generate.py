@@ -1,10 +1,13 @@
-"""Write the register pages in docs/registers from the tables, and the rooms in docs/architecture.md from the code.
+"""Write what is made from the code: pages in docs/registers, parts of other pages, the schema of robot files.
+
+Those parts are the rooms in docs/architecture.md, and the formats in docs/formats.md.
 
 python docs/generate.py            write them
 python docs/generate.py --check    write nothing; name the pages that are not current, exit status 1
 """
 
 import ast
+import json
 import re
 import sys
 import tomllib
@@ -22,16 +25,21 @@ from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Sw
 from servobus.families import registry
 from servobus.families.base import Model
 from servobus.families.present import differences
+from servobus.robots.file import schema
+from servobus.robots.formats.base import listed
+from servobus.robots.formats.table import FORMATS
 from servobus.virtual.device.motor_set import HEAT, MotorSet
 from servobus.virtual.device.motors import misses, motor_sets, supply
 
 DOCS = Path(__file__).parent
 PAGES = DOCS / "registers"
 ARCHITECTURE = DOCS / "architecture.md"
+FORMATS_PAGE = DOCS / "formats.md"
 ROOT = DOCS.parent
 SOURCE = ROOT / "src" / "servobus"
+SCHEMA = SOURCE / "robots" / "file" / schema.FILE
 BEGIN, END = "<!-- made by docs/generate.py -->", "<!-- to here -->"
-"""Between these, architecture.md has what is made here."""
+"""Between these, a page has what is made here."""
 FACE = "servobus"
 """The package itself: what users import."""
 KGF_CM = 0.0980665
@@ -63,7 +71,10 @@ def main(arguments: list[str]) -> int:
 def files() -> dict[str, tuple[Path, str]]:
     """Give every file that is made, or a part of which is: name -> path and text."""
     made = {f"docs/registers/{name}": (PAGES / name, text) for name, text in pages().items()}
-    return made | {"docs/architecture.md": (ARCHITECTURE, architecture(ARCHITECTURE.read_text(encoding="utf-8")))}
+    made["docs/architecture.md"] = ARCHITECTURE, architecture(ARCHITECTURE.read_text(encoding="utf-8"))
+    made["docs/formats.md"] = FORMATS_PAGE, formats(FORMATS_PAGE.read_text(encoding="utf-8"))
+    made[schema.FILE] = SCHEMA, f"{json.dumps(schema.schema(), indent=2, ensure_ascii=False)}\n"
+    return made
 
 
 def pages() -> dict[str, str]:
@@ -390,9 +401,31 @@ def _join(*parts: str) -> str:
 
 def architecture(text: str) -> str:
     """Give architecture.md with its picture and table made anew."""
+    return _with(text, f"{layer_picture()}\n\n{room_table()}")
+
+
+def formats(text: str) -> str:
+    """Give formats.md with its table made anew."""
+    head = ("Format", "What it is", "Out", "In", "What is carried over", "What such a file cannot say")
+    rows = [
+        (
+            f"`{one.name}`",
+            one.title.replace("<", "`<").replace(">", ">`"),
+            "yes" if one.write else "",
+            listed(["a new robot file"] * bool(one.new) + ["onto a robot file"] * bool(one.onto)),
+            one.holds,
+            one.lacks,
+        )
+        for one in FORMATS.values()
+    ]
+    return _with(text, _table(head, rows))
+
+
+def _with(text: str, made: str) -> str:
+    """Give a page with what is made here between its two marks."""
     before, _, rest = text.partition(BEGIN)
     _, _, behind = rest.partition(END)
-    return f"{before}{BEGIN}\n\n{layer_picture()}\n\n{room_table()}\n\n{END}{behind}"
+    return f"{before}{BEGIN}\n\n{made}\n\n{END}{behind}"
 
 
 def layers(contract: str = "rooms") -> list[list[str]]:

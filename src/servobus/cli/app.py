@@ -48,6 +48,9 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
     },
     "Robot": {
         "robot": ("robots.group:robot", "Joints by name: make, check, show and move a robot."),
+        "teach": ("robots.teach:teach", "Record a motion: limp joints moved by hand."),
+        "play": ("robots.play:play", "Play a motion of a robot."),
+        "teleop": ("robots.teleop:teleop", "Let one robot lead another."),
     },
     "Virtual servos": {
         "virtual": ("virtual:virtual", "Be servos, on a virtual port."),

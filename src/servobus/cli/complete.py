@@ -1,6 +1,6 @@
-"""What the Tab key offers in a shell: ports, models, families, registers. README says how to switch it on.
+"""What the Tab key offers in a shell: ports, models, registers, joints and so on. README says how to switch it on.
 
-A shell asks the command line itself; nothing is opened for that.
+A shell asks the command line itself; no port is opened for that.
 """
 
 from collections.abc import Callable, Iterable
@@ -62,6 +62,31 @@ def settings(ctx: click.Context, _param: click.Parameter, incomplete: str) -> li
     """Offer REGISTER= for those that can be written."""
     names = _registers(ctx, writable=True).items()
     return _items(((f"{name}=", meaning) for name, meaning in names), incomplete.lower())
+
+
+def joints(ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Offer the joints of the robot file that the command line names."""
+    file = _robot_file(ctx)
+    titles = {} if file is None else {name: f"id {joint.id} on {joint.port}" for name, joint in file.joints.items()}
+    return _items(titles.items(), incomplete)
+
+
+def motions(ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Offer the motions of the robot file that the command line names; and files, where what is typed is none."""
+    file = _robot_file(ctx)
+    found = _items(((name, "") for name in ({} if file is None else file.motions)), incomplete)
+    return found or [CompletionItem(incomplete, type="file")]
+
+
+def _robot_file(ctx: click.Context) -> Any:
+    """Read the robot file that the command line names; None if it cannot be read."""
+    from servobus.errors import RobotFileError  # noqa: PLC0415 - see above
+    from servobus.robots.file.reading import read_file  # noqa: PLC0415
+
+    try:
+        return read_file(str(ctx.params.get("file")))
+    except RobotFileError:
+        return None
 
 
 def _registers(ctx: click.Context, *, writable: bool = False) -> dict[str, str]:

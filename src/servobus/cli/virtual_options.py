@@ -65,7 +65,7 @@ def write_options(formatter: click.HelpFormatter) -> None:
 def options_text(servo: VirtualServo, *, all: bool = False) -> str:
     """Say which options of a servo are not as by default, or what all of them are."""
     usual: Mapping[str, Any] = {} if all else defaults(type(servo), servo.model)
-    known: dict[str, Option[Any]] = options_of(type(servo))
+    known: Mapping[str, Option[Any]] = options_of(type(servo))
     return ", ".join(
         f"{name}={known[name].kind.show(value)}"
         for name, value in sorted(servo.options.items())

@@ -563,7 +563,8 @@ class Link:
         self.state = CAREFUL
 
     def _fenced(self, exchange: Exchange[Any], reply: ReplyPattern, id: int) -> Waits[BusError | None]:
-        fences = self._fences(exchange.framing, id) if id != BROADCAST else ()
+        def fences() -> Sequence[Exchange[Any]]:
+            return self._fences(exchange.framing, id) if id != BROADCAST else ()
 
         def ask(fence: Exchange[Any]) -> Waits[Any]:
             return self._asking.once(fence, fence=True)

@@ -9,6 +9,8 @@ async with servobus.robot_async("arm.toml") as arm:
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
+from os import PathLike, fspath
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
@@ -28,8 +30,10 @@ from servobus.robots.steps import RobotJob, Together
 
 if TYPE_CHECKING:
     from servobus.robots.cycle import AsyncRobotCycle
+    from servobus.robots.follow import AsyncFollow
     from servobus.robots.motion import Motion
     from servobus.robots.play import AsyncPlay
+    from servobus.robots.teach import AsyncTeach
     from servobus.robots.trajectory.path import Trajectory
 
 T = TypeVar("T")
@@ -150,6 +154,7 @@ class AsyncRobotJoints(Awaiting, JointSet[AsyncRobotJoint]):
     def __init__(self, ports: AsyncPorts, joints: Mapping[str, AsyncRobotJoint]) -> None:
         self._ports = ports
         super().__init__(joints)
+        self._close()
 
     async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
         """Carry out a job of the robot."""
@@ -205,6 +210,7 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
             name: AsyncRobotJoints(ports, {joint: joints[joint] for joint in members})
             for name, members in file.groups.items()
         }
+        self._close()
 
     async def __aenter__(self) -> Self:
         async with AsyncExitStack() as stack:
@@ -238,6 +244,32 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
         from servobus.robots.play import AsyncPlay  # noqa: PLC0415 - not every program plays motions
 
         return AsyncPlay(self, self._ports, list(self), self.motion(motion), rate, loop=loop)
+
+    def follow(self, *joints: str, rate: float = 100.0, jerk: float | None = None) -> "AsyncFollow":
+        """Prepare joints, by default all, to be given new goals while they move; see servobus.robots.follow.
+
+        rate  goals a second, 1 to 1000
+        jerk  rad/s³, the limit for joints of which the file says none: with it jerk is limited, which needs ruckig
+
+        Nothing is sent yet. Raises UnknownName for a joint that is not there, UsageError where ruckig is not installed.
+        """
+        from servobus.robots.follow import AsyncFollow  # noqa: PLC0415 - not every program gives goals in flight
+
+        return AsyncFollow(self, self._ports, self.named(*joints), rate, jerk)
+
+    def teach(self, *joints: str, rate: float = 50.0, keep: str | PathLike[str] | None = None) -> "AsyncTeach":
+        """Prepare a recording of joints that are moved by hand; see servobus.robots.teach. Nothing is sent yet.
+
+        joints  those that go limp as it begins: hold them. If none is named, those are recorded that are limp already
+        rate    readings a second, 1 to 1000
+        keep    a file, .csv or .mcap, that each reading is written to as it comes
+
+        Raises UnknownName for a joint that is not there.
+        """
+        from servobus.robots.teach import AsyncTeach  # noqa: PLC0415 - not every program teaches
+
+        path = None if keep is None else Path(fspath(keep))
+        return AsyncTeach(self, self._ports, self.named(*joints), rate, path, named=bool(joints))
 
     def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> None:
         """Guard streamed motion on all ports; see `Bus.watch`."""

@@ -24,12 +24,16 @@ GRAVE: tuple[Kind, ...] = ("missing", "wrong model", "swapped", "unclear", "port
 
 @frozen
 class Finding:
-    """One thing that is not as the file says. `joint` is "" for a stranger and for a port."""
+    """One thing that is not as the file says. `joint` is "" for a stranger and for a port.
+
+    `n` says which servo of the joint is meant, from 0 on.
+    """
 
     kind: Kind
     joint: str
     port: str
     text: str
+    n: int = 0
 
 
 @frozen
@@ -80,12 +84,11 @@ def check(
             else:
                 numbers[joint, part] = answer
     findings += _wrong(numbers)
-    if strangers:
-        alive = {port: there for port, there in parts.items() if not isinstance(seen[port], ServobusError)}
-        scans = yield from each({port: _scan(buses[port], there) for port, there in alive.items()})
-        for port, found in scans.items():
-            if isinstance(found, ScanResult):
-                findings += _strangers(port, found, [part for _, part in parts[port]])
+    alive = {port: there for port, there in parts.items() if not isinstance(seen[port], ServobusError)}
+    scans = yield from each({port: _scan(buses[port], there, everywhere=strangers) for port, there in alive.items()})
+    for port, found in scans.items():
+        if isinstance(found, ScanResult):
+            findings += _strangers(port, found, [part for _, part in parts[port]])
     return Attendance(file.name, tuple(findings))
 
 
@@ -113,9 +116,9 @@ def _absent(joint: Joint, part: Part, error: Exception) -> Finding:
             f"{joint.name} is missing: {servo.target} at {servo.baud} baud does not answer on port {part.port}; look "
             "at its plug and its power, or `servobus robot adopt` a new servo in its place"
         )
-        return Finding("missing", joint.name, part.port, text)
+        return Finding("missing", joint.name, part.port, text, joint.parts.index(part))
     kind: Kind = "restarted" if isinstance(error, Restarted) else "unclear"
-    return Finding(kind, joint.name, part.port, f"{joint.name}: {error}")
+    return Finding(kind, joint.name, part.port, f"{joint.name}: {error}", joint.parts.index(part))
 
 
 def _wrong(numbers: Mapping[tuple[Joint, Part], int | None]) -> list[Finding]:
@@ -144,13 +147,18 @@ def _wrong(numbers: Mapping[tuple[Joint, Part], int | None]) -> list[Finding]:
     return findings
 
 
-def _scan(bus: BaseBus[Any], parts: Sequence[tuple[Joint, Part]]) -> Procedure[ScanResult]:
-    """Look for servos of the families and at the speeds that the file has on this port."""
+def _scan(bus: BaseBus[Any], parts: Sequence[tuple[Joint, Part]], *, everywhere: bool) -> Procedure[ScanResult]:
+    """Look for servos of the families and at the speeds that the file has on this port.
+
+    Unless everywhere, those ids alone are looked at that new servos have, as one has that somebody has just plugged in.
+    """
     survey = ScanResult()
     families = list(dict.fromkeys(part.servo.family for _, part in parts))
     for family in families:
         speeds = tuple(dict.fromkeys(part.servo.baud for _, part in parts if part.servo.family is family))
-        yield from scan([family], speeds, range(LAST_ID + 1), None, survey, bus.identify)
+        new = {model.register("id").default for model in registry.models_of(family)}
+        ids = range(LAST_ID + 1) if everywhere else sorted(id for id in new if id is not None)
+        yield from scan([family], speeds, ids, None, survey, bus.identify)
     return survey
 
 

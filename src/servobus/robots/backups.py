@@ -2,12 +2,14 @@
 
     arm.toml
     arm.backups/
-        2026-11-28_14-05-33-120000/   a run of `apply` or `adopt`
+        2026-11-28_14-05-33-120000/   a run of `apply`
             run.json                  what it is about to do, and what is done
             shoulder.toml             the settings of a servo as they were before, as `servobus backup` writes them
             lift-2.toml               those of the second servo of a joint
         last/
             shoulder.toml             the settings of a servo as they were known last, for a new one in its place
+        new/
+            shoulder_<moment>.toml    the settings of a new servo as they were before it was adopted
 
 A run says what it is going to do before it does so. A program that is killed leaves a run that has not ended: the next
 one goes on with it, and keeps the backups that were made first.
@@ -29,6 +31,7 @@ STAMP = "%Y-%m-%d_%H-%M-%S-%f"
 """How the moment at which a run began, UTC, stands in the name of its folder."""
 RUN = "run.json"
 LAST = "last"
+NEW = "new"
 KEPT = 20
 """Runs that are kept; older ones that have ended are removed."""
 
@@ -166,19 +169,31 @@ class Backups:
 
     def keep_last(self, joint: str, n: int, saved: Backup) -> None:
         """Keep the settings of a servo, for a new one in its place."""
-        last = self.folder / LAST
-        last.mkdir(parents=True, exist_ok=True)
-        replace_text(last / f"{file_key(joint, n)}.toml", saved.text())
+        path = self.last_path(joint, n)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_text(path, saved.text())
 
     def last(self, joint: str, n: int) -> Backup | None:
         """Give the settings of a servo as they were known last. Raises UsageError for a file that is damaged."""
-        path = self.folder / LAST / f"{file_key(joint, n)}.toml"
+        path = self.last_path(joint, n)
         try:
             return Backup.parse(path.read_text(encoding="utf-8"))
         except FileNotFoundError:
             return None
         except UsageError as error:
             raise UsageError(f"{path}: {error}") from None
+
+    def keep_new(self, joint: str, n: int, saved: Backup) -> Path:
+        """Keep the settings of a new servo as they were before it was adopted; give the file."""
+        folder = self.folder / NEW
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / f"{file_key(joint, n)}_{datetime.now(UTC).strftime(STAMP)}.toml"
+        replace_text(path, saved.text())
+        return path
+
+    def last_path(self, joint: str, n: int) -> Path:
+        """Give the file in which the settings of a servo are kept as they were known last."""
+        return self.folder / LAST / f"{file_key(joint, n)}.toml"
 
     def _new_folder(self) -> Path:
         now = datetime.now(UTC)

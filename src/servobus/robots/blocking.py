@@ -8,6 +8,8 @@ with servobus.robot("arm.toml") as arm:
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from os import PathLike, fspath
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
@@ -24,8 +26,10 @@ from servobus.robots.steps import RobotJob
 
 if TYPE_CHECKING:
     from servobus.robots.cycle import BlockingRobotCycle
+    from servobus.robots.follow import BlockingFollow
     from servobus.robots.motion import Motion
     from servobus.robots.play import BlockingPlay
+    from servobus.robots.teach import BlockingTeach
     from servobus.robots.trajectory.path import Trajectory
 
 T = TypeVar("T")
@@ -86,6 +90,7 @@ class RobotJoints(Blocking, JointSet[RobotJoint]):
     def __init__(self, ports: BlockingPorts, joints: Mapping[str, RobotJoint]) -> None:
         self._ports = ports
         super().__init__(joints)
+        self._close()
 
     def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
         """Carry out a job of the robot."""
@@ -150,6 +155,7 @@ class Robot(RobotJoints, BaseRobot[RobotJoint, Bus]):
             name: RobotJoints(ports, {joint: joints[joint] for joint in members})
             for name, members in file.groups.items()
         }
+        self._close()
 
     def __enter__(self) -> Self:
         for bus in self.buses.values():
@@ -182,6 +188,32 @@ class Robot(RobotJoints, BaseRobot[RobotJoint, Bus]):
         from servobus.robots.play import BlockingPlay  # noqa: PLC0415 - not every program plays motions
 
         return BlockingPlay(self, self._ports, list(self), self.motion(motion), rate, loop=loop)
+
+    def follow(self, *joints: str, rate: float = 100.0, jerk: float | None = None) -> "BlockingFollow":
+        """Prepare joints, by default all, to be given new goals while they move; see servobus.robots.follow.
+
+        rate  goals a second, 1 to 1000
+        jerk  rad/s³, the limit for joints of which the file says none: with it jerk is limited, which needs ruckig
+
+        Nothing is sent yet. Raises UnknownName for a joint that is not there, UsageError where ruckig is not installed.
+        """
+        from servobus.robots.follow import BlockingFollow  # noqa: PLC0415 - not every program gives goals in flight
+
+        return BlockingFollow(self, self._ports, self.named(*joints), rate, jerk)
+
+    def teach(self, *joints: str, rate: float = 50.0, keep: str | PathLike[str] | None = None) -> "BlockingTeach":
+        """Prepare a recording of joints that are moved by hand; see servobus.robots.teach. Nothing is sent yet.
+
+        joints  those that go limp as it begins: hold them. If none is named, those are recorded that are limp already
+        rate    readings a second, 1 to 1000
+        keep    a file, .csv or .mcap, that each reading is written to as it comes
+
+        Raises UnknownName for a joint that is not there.
+        """
+        from servobus.robots.teach import BlockingTeach  # noqa: PLC0415 - not every program teaches
+
+        path = None if keep is None else Path(fspath(keep))
+        return BlockingTeach(self, self._ports, self.named(*joints), rate, path, named=bool(joints))
 
     def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> None:
         """Guard streamed motion on all ports; see `Bus.watch`."""

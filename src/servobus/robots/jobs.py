@@ -109,6 +109,25 @@ def _sorted(joints: Iterable[Joint], outcomes: Mapping[str, Any]) -> tuple[dict[
     return seen, lost
 
 
+def servo_angles(joints: Sequence[Joint]) -> RobotJob[tuple[dict[Part, float], dict[Part, ServobusError]]]:
+    """Read where the servos of joints are, rad, each as itself; gives those that were read, and those that were not."""
+    parts = [part for joint in joints for part in joint.parts]
+    outcomes = yield from each(
+        on_each_port(joints, lambda there: several.read([part.servo for part in there], "present_position"))
+    )
+    seen: dict[Part, float] = {}
+    lost: dict[Part, ServobusError] = {}
+    for part in parts:
+        outcome = outcomes[part.port]
+        if isinstance(outcome, ServobusError):
+            lost[part] = outcome
+        elif part.servo in outcome.lost:
+            lost[part] = outcome.lost[part.servo]
+        else:
+            seen[part] = outcome[part.servo]
+    return seen, lost
+
+
 def joined(joint: Joint, name: str, values: Sequence[Any]) -> Any:
     """Give what the servos of a joint say as one value of the joint."""
     turned = [to_joint(part.axis, name, value) for part, value in zip(joint.parts, values, strict=True)]

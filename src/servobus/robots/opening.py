@@ -1,24 +1,27 @@
 """From a robot file to a robot."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, TypeVar
 
-from servobus.connect import open as open_port
-from servobus.errors import PortError
+from servobus.bus.blocking import Bus
+from servobus.connect import transport
+from servobus.errors import PortError, RobotFileError
 from servobus.robots.attendance import refuse
 from servobus.robots.base import check_safe
 from servobus.robots.blocking import Robot
-from servobus.robots.file.entries import OPEN_PORT, PortEntry, RobotFile
+from servobus.robots.file.entries import OPEN_PORT, RobotFile
 from servobus.robots.file.reading import read_file
 from servobus.transports import usb_adapter
+from servobus.transports.base import Transport
 
 if TYPE_CHECKING:
+    from servobus.bus.asyncio import AsyncBus
     from servobus.robots.asyncio import AsyncRobot
 
 USB = "usb:"
-B = TypeVar("B")
+B = TypeVar("B", Bus, "AsyncBus")
 
 
 def robot(file: str | PathLike[str] | RobotFile, *, incomplete: bool = False) -> Robot:
@@ -27,20 +30,16 @@ def robot(file: str | PathLike[str] | RobotFile, *, incomplete: bool = False) ->
         with servobus.robot("arm.toml") as arm:
             print(arm.positions())
 
-    file        the path of a robot file, or one that was read
+    file        the path of a robot file, or one that was read; "virtual:arm.toml" is the same robot on virtual servos
+                in this process, see docs/virtual.md
     incomplete  whether to open it although servos are missing or are not those of the file; `arm.attendance` says which
 
     Raises RobotFileError for a wrong file, PortError for a port that is missing or in use, RobotMismatch where the
     servos that answer are not those of the file.
     """
-    contents = file if isinstance(file, RobotFile) else read_file(fspath(file))
+    contents = _contents(file)
     with ExitStack() as stack:
-        buses = {}
-        for entry in contents.ports.values():
-            bus = _opened(contents, entry, open_port)
-            stack.callback(bus.close)
-            buses[entry.name] = bus
-        opened = Robot(contents, buses)
+        opened = Robot(contents, _opened(contents, stack, Bus))
         stack.callback(opened.close)
         check_safe(opened)
         refuse(opened.check(strangers=False), incomplete=incomplete)
@@ -53,28 +52,49 @@ def robot_async(file: str | PathLike[str] | RobotFile, *, incomplete: bool = Fal
 
     Its servos are compared with the file as the block begins.
     """
-    from servobus.connect import open_async  # noqa: PLC0415 - asyncio is slow to import and not always wanted
+    from servobus.bus.asyncio import AsyncBus  # noqa: PLC0415 - asyncio is slow to import and not always wanted
     from servobus.robots.asyncio import AsyncRobot  # noqa: PLC0415
 
-    contents = file if isinstance(file, RobotFile) else read_file(fspath(file))
+    contents = _contents(file)
     with ExitStack() as stack:
-        buses = {}
-        for entry in contents.ports.values():
-            bus = _opened(contents, entry, open_async)
-            stack.callback(bus.close)
-            buses[entry.name] = bus
-        opened = AsyncRobot(contents, buses, incomplete=incomplete)
+        opened = AsyncRobot(contents, _opened(contents, stack, AsyncBus), incomplete=incomplete)
         check_safe(opened)
         stack.pop_all()
     return opened
 
 
-def _opened(file: RobotFile, entry: PortEntry, open_: Callable[..., B]) -> B:
-    """Open a port of the file."""
-    try:
-        return open_(port_path(entry.path), bauds=entry.bauds, echo=entry.echo)
-    except PortError as error:
-        raise PortError(f"{file.name}: port {entry.name}: {error}") from None
+def _contents(file: str | PathLike[str] | RobotFile) -> RobotFile:
+    """Read a robot file. Raises RobotFileError for one that names no joint."""
+    contents = file if isinstance(file, RobotFile) else read_file(fspath(file))
+    if not contents.joints:
+        raise RobotFileError(
+            f"{contents.name}: there is no joint; write [port.NAME] and [joint.NAME], or have "
+            "`servobus robot init PORT` make a file from the servos of a port"
+        )
+    return contents
+
+
+def _opened(file: RobotFile, stack: ExitStack, make: Callable[..., B]) -> dict[str, B]:
+    """Open all ports of the file, port -> bus; the stack closes them."""
+    transports: Mapping[str, Transport] = {}
+    if file.virtual is not None:
+        from servobus.robots.virtual import virtual_ports  # noqa: PLC0415 - real robots need no virtual servos
+
+        transports = virtual_ports(file)
+    buses = {}
+    for entry in file.ports.values():
+        if file.virtual is None:
+            try:
+                bus = make(transport(port_path(entry.path), entry.bauds), bauds=entry.bauds, echo=entry.echo)
+            except PortError as error:
+                raise PortError(f"{file.name}: port {entry.name}: {error}") from None
+        elif entry.name in transports:
+            bus = make(transports[entry.name], bauds=entry.bauds)
+        else:
+            continue  # no joint is on this port
+        stack.callback(bus.close)
+        buses[entry.name] = bus
+    return buses
 
 
 def port_path(path: str) -> str:

@@ -12,28 +12,25 @@ A joint that does not answer, that lost its torque, or that stays behind its goa
 servobus.robots.supervision: all joints stop where they are, and the error says which joint it was.
 """
 
-from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
-from servobus.bus.rate import Rate
-from servobus.core.operation import Awaiting, Blocking, Priority, bus_method, urgent
+from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.units import deg, show
 from servobus.core.values import frozen
-from servobus.errors import BadValue, MotionError, ServobusError
-from servobus.robots import jobs, stream
-from servobus.robots.cycle import RobotCycle, RobotResult
+from servobus.errors import BadValue
+from servobus.robots.cycle import RobotResult
 from servobus.robots.joint import Joint
-from servobus.robots.motion import Motion, check_known, limits_of
+from servobus.robots.motion import Motion, check_known
 from servobus.robots.ports import Ports
 from servobus.robots.steps import RobotJob
-from servobus.robots.supervision import Supervision
+from servobus.robots.stream import Streamed
 from servobus.robots.trajectory.limits import JointLimits
 from servobus.robots.trajectory.path import Trajectory
 from servobus.robots.trajectory.playback import Playback
 from servobus.robots.trajectory.profile import synchronised
+from servobus.robots.turns import AsyncTurns, BlockingTurns
 from servobus.robots.values import ByJoint
-
-T = TypeVar("T")
 
 RATE = 100.0
 """Goals a second, if nothing else is said. More bring 2 to 3 ms less lag with the servos here."""
@@ -60,7 +57,7 @@ class PlayTick:
         return self.result.positions
 
 
-class Play:
+class Play(Streamed[PlayTick]):
     """A motion that is played; see the head of this module.
 
     joints   those of the robot
@@ -74,8 +71,7 @@ class Play:
         if isinstance(motion, Motion):
             check_known(motion, joints)
         names = motion.poses if isinstance(motion, Motion) else motion.paths
-        self.joints = [joint for joint in joints if joint.name in names]
-        self.limits = {joint.name: limits_of(joint) for joint in self.joints}
+        super().__init__(ports, [joint for joint in joints if joint.name in names], rate)
         if isinstance(motion, Motion):
             fit = motion.fitted(self.joints)
             self.trajectory, self.stretches = fit.trajectory, fit.stretches
@@ -83,21 +79,13 @@ class Play:
             motion.check_positions({joint.name: joint.limits for joint in self.joints})
             self.trajectory, self.stretches = motion.stretched(self.limits), ()
         self.loop = loop if loop is not None else isinstance(motion, Motion) and motion.loop
-        if not 1 <= rate <= 1000:
-            raise BadValue(f"{rate!r} goals a second: give 1 to 1000")
-        self.period = 1 / rate
         self.stopped = False
         """Whether `stop` has ended it before its end."""
-        self.over = False
-        self.cycle = RobotCycle(ports, self.joints, "present_position", self.period)
-        self._clock = ports.now
         self._pace = 1.0
         self._paused = False
-        self._had: dict[Any, int] = {}
         self._stages: Iterator[tuple[Playback, bool]] = iter(())
         self._playback: Playback | None = None
         self._approaching = False
-        self._supervision = Supervision(self.joints)
 
     @property
     def duration(self) -> float:
@@ -130,14 +118,12 @@ class Play:
     @urgent(Priority.MOTION)
     def begin(self) -> RobotJob[None]:
         """Make sure that all joints have torque, and plan the way from where they are to the first pose."""
-        self._had = yield from stream.begin(self.joints)
-        start = yield from stream.where(self.joints)
+        start = yield from self.set_off()
         slow = {
             name: JointLimits(min(one.speed, APPROACH), one.acceleration, one.jerk) for name, one in self.limits.items()
         }
         self._stages = self._all_stages(start, slow)
         self._playback, self._approaching = next(self._stages)
-        yield from self._supervision.begin()
 
     def _all_stages(
         self, start: Mapping[str, float], slow: Mapping[str, JointLimits]
@@ -169,16 +155,10 @@ class Play:
         states = playback.step()
         if self.stopped and playback.paused:
             self.over = True
+        result = yield from self.send(states)
         goals = {name: state.position for name, state in states.items()}
-        result = yield from self.cycle.turn(goals)
-        yield from self._supervision.watch(states, result)
         time = playback.time - (playback.trajectory.duration if self._approaching else 0.0)
         return PlayTick(time, goals, result)
-
-    def turns(self) -> Rate:
-        """Give the turns at which goals are sent."""
-        assert isinstance(self, Blocking | Awaiting)
-        return Rate(self, self._clock, self.period)
 
     def _next_stage(self) -> bool:
         stage = next(self._stages, None)
@@ -192,15 +172,7 @@ class Play:
     @urgent(Priority.MOTION)
     def end(self, error: BaseException | None = None) -> RobotJob[None]:
         """Give the servos their speeds back; after an error stop all joints first."""
-        self.over = True
-        try:
-            if error is not None:
-                yield from jobs.stop(self.joints)
-        except (MotionError, ServobusError) as failure:
-            assert error is not None
-            error.add_note(str(failure))
-        finally:
-            yield from stream.end(self.joints, self._had)
+        return self.finish(error, stop=False)
 
     def __repr__(self) -> str:
         state = (
@@ -209,61 +181,9 @@ class Play:
         return f"<{type(self).__name__} of {', '.join(self.limits)}, {show(self.duration, 's')}: {state}>"
 
 
-class BlockingPlay(Blocking, Play):
+class BlockingPlay(BlockingTurns[PlayTick], Play):
     """A motion played by a blocking robot: iterate over it, or `wait`."""
 
-    def __init__(self, robot: Blocking, *args: Any, **kwargs: Any) -> None:
-        self._robot = robot
-        super().__init__(*args, **kwargs)
 
-    def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of the robot."""
-        result: T = self._robot.do(job, priority=priority)
-        return result
-
-    def __iter__(self) -> Iterator[PlayTick]:
-        try:
-            self.begin()
-            for _ in self.turns():
-                if (tick := self.step()) is None:
-                    break
-                yield tick
-        except BaseException as error:
-            self.end(error)
-            raise
-        self.end()
-
-    def wait(self) -> None:
-        """Play it to its end, or until `stop`. Raises what ended it before: all its joints were stopped then."""
-        for _ in self:
-            pass
-
-
-class AsyncPlay(Awaiting, Play):
+class AsyncPlay(AsyncTurns[PlayTick], Play):
     """A motion played by an asynchronous robot: iterate over it with `async for`, or await `wait()`."""
-
-    def __init__(self, robot: Awaiting, *args: Any, **kwargs: Any) -> None:
-        self._robot = robot
-        super().__init__(*args, **kwargs)
-
-    async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of the robot."""
-        result: T = await self._robot.do(job, priority=priority)
-        return result
-
-    async def __aiter__(self) -> AsyncIterator[PlayTick]:
-        try:
-            await self.begin()
-            async for _ in self.turns():
-                if (tick := await self.step()) is None:
-                    break
-                yield tick
-        except BaseException as error:
-            await self.end(error)
-            raise
-        await self.end()
-
-    async def wait(self) -> None:
-        """Play it to its end; see `BlockingPlay.wait`."""
-        async for _ in self:
-            pass

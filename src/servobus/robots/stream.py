@@ -5,14 +5,23 @@ a stream of goals. So while goals are streamed it has none, and gets back afterw
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
 
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Procedure, SetBaud
 from servobus.core.units import deg
-from servobus.errors import BusError, ServobusError, TorqueOff
+from servobus.errors import BusError, MotionError, ServobusError, TorqueOff
 from servobus.robots import jobs
+from servobus.robots.cycle import RobotCycle, RobotResult
 from servobus.robots.joint import Joint, Part
+from servobus.robots.motion import limits_of
+from servobus.robots.ports import Ports
 from servobus.robots.steps import RobotJob, each, together
+from servobus.robots.supervision import Supervision
+from servobus.robots.trajectory.path import State
+from servobus.robots.turns import Turns
+
+K = TypeVar("K")
 
 NEAR = 5 * deg
 """rad between goal and position up to which a joint holds, and hangs below its goal by its load alone."""
@@ -83,3 +92,48 @@ def where(joints: Sequence[Joint]) -> RobotJob[dict[str, float]]:
         low, high = joint.limits
         start[joint.name] = min(max(goal if abs(goal - here) <= NEAR else here, low), high)
     return start
+
+
+class Streamed(Turns[K]):
+    """Turns in which joints are given goals: what motions that are played, followed or led have in common.
+
+    joints  those that are given goals, and watched; see servobus.robots.supervision
+    limits  joint -> its greatest speed, acceleration and jerk
+    """
+
+    def __init__(self, ports: Ports[Any], joints: Sequence[Joint], rate: float) -> None:
+        super().__init__(ports.now, rate)
+        self.joints = list(joints)
+        self.limits = {joint.name: limits_of(joint) for joint in joints}
+        self.cycle = RobotCycle(ports, self.joints, "present_position", self.period)
+        self._supervision = Supervision(self.joints)
+        self._had: dict[Servo, int] | None = None
+        """Servo -> the goal speed it had; None before they follow goals."""
+
+    def set_off(self) -> RobotJob[dict[str, float]]:
+        """Make sure that all joints have torque; give joint -> the angle from which it sets off, rad."""
+        self._had = yield from begin(self.joints)
+        start = yield from where(self.joints)
+        yield from self._supervision.begin()
+        return start
+
+    def send(self, states: Mapping[str, State]) -> RobotJob[RobotResult]:
+        """Send the goals of a turn, and read all joints. Raises what ends the motion."""
+        result = yield from self.cycle.turn({name: state.position for name, state in states.items()})
+        yield from self._supervision.watch(states, result)
+        return result
+
+    def finish(self, error: BaseException | None, *, stop: bool) -> RobotJob[None]:
+        """Give the servos their speeds back. Stop all joints before, where that is asked for, or after an error."""
+        self.over = True
+        if self._had is None:
+            return  # nothing has been sent
+        try:
+            if stop or error is not None:
+                yield from jobs.stop(self.joints)
+        except (MotionError, ServobusError) as failure:
+            if error is None:
+                raise
+            error.add_note(str(failure))
+        finally:
+            yield from end(self.joints, self._had)

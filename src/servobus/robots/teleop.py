@@ -1,7 +1,9 @@
 """Teleoperation: a limp robot that is moved by hand leads another one, joint by joint, of any mix of families.
 
     with servobus.robot("leader.toml") as leader, servobus.robot("follower.toml") as follower, follower.torque():
-        Teleop(leader, follower).wait()
+        Teleop(leader, follower).wait()      # or: for tick in teleop: print(tick.phase, tick.why)
+
+With asynchronous robots it is `AsyncTeleop(leader, follower)`.
 
 The leader is only read. The follower is led joint by joint: those of the same name, or as `joints` says. What the
 leader asks for is kept within the limits of the follower, and told (`clamped`); the way there keeps its limits of speed
@@ -15,26 +17,35 @@ and acceleration.
 Who waits for a person's hand needs little delay: `lag` tells how long a tick took from reading the leader to the goal.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
-from servobus.bus.rate import Rate
-from servobus.bus.servo import Servo
 from servobus.core.arguments import check_above_0
-from servobus.core.operation import Priority
+from servobus.core.exchange import Now
+from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.units import deg, finite, said, show
 from servobus.core.values import frozen
-from servobus.errors import BadValue, MotionError, ServobusError, UnknownName, UsageError
-from servobus.robots import jobs, stream
+from servobus.errors import BadValue, MotionError, UnknownName, UsageError
+from servobus.robots import jobs
+from servobus.robots.base import BaseRobot
 from servobus.robots.blocking import Robot
-from servobus.robots.cycle import RobotCycle, RobotResult
-from servobus.robots.motion import limits_of
-from servobus.robots.supervision import Supervision
+from servobus.robots.cycle import RobotResult
+from servobus.robots.joint import Joint
+from servobus.robots.ports import BlockingPorts
+from servobus.robots.steps import RobotJob, Together
+from servobus.robots.stream import Streamed
 from servobus.robots.trajectory.follower import BrakingFollower
 from servobus.robots.trajectory.limits import JointLimits
 from servobus.robots.trajectory.path import State
+from servobus.robots.turns import AsyncTurns, BlockingTurns
 
+if TYPE_CHECKING:
+    from servobus.robots.asyncio import AsyncRobot
+
+T = TypeVar("T")
+AnyRobot: TypeAlias = BaseRobot[Any, Any]
+LEADER, FOLLOWER = "leader", "follower"
 RATE = 50.0
 """Goals a second: more bring 2 to 3 ms less lag with the servos here."""
 GATE = 45 * deg
@@ -164,8 +175,35 @@ class Leading:
         self._follower.aim(goals)
 
 
-class Teleop:
-    """A leader and a follower, and the loop between them; see the head of this module.
+def _both(leader: AnyRobot, follower: AnyRobot) -> dict[str, Any]:
+    """Give the buses of two robots, so that both have one clock and jobs of either can be carried out."""
+    return {
+        f"{role} {port}": bus
+        for role, robot in ((LEADER, leader), (FOLLOWER, follower))
+        for port, bus in robot.ports.buses.items()
+    }
+
+
+def _of(role: str, job: RobotJob[T]) -> RobotJob[T]:
+    """Give a job of one of two robots as a job of both."""
+    answer: Any = None
+    try:
+        while True:
+            step = job.send(answer)
+            if isinstance(step, Together):
+                outcomes = yield Together({f"{role} {port}": one for port, one in step.jobs.items()})
+                answer = {port: outcomes[f"{role} {port}"] for port in step.jobs}
+            else:
+                answer = yield step
+    except StopIteration as stop:
+        done: T = stop.value
+        return done
+    finally:
+        job.close()
+
+
+class Leadership(Streamed[TeleopTick]):
+    """A leader and a follower, and what is done each turn; see the head of this module.
 
     joints   joint of the follower -> the joint of the leader that leads it, or a `Lead`; by default those of the same
              name
@@ -178,89 +216,109 @@ class Teleop:
 
     def __init__(
         self,
-        leader: Robot,
-        follower: Robot,
+        clock: Callable[[], float],
+        leader: AnyRobot,
+        follower: AnyRobot,
         joints: Mapping[str, str | Lead] | None = None,
         *,
         rate: float = RATE,
         gate: float = GATE,
         deadman: Callable[[], bool] | None = None,
     ) -> None:
-        self.leader, self.follower = leader, follower
         leads = _leads(leader, follower, joints)
-        self.joints = [joint for joint in follower if joint.name in leads]
-        self.period = 1 / check_above_0("rate", rate)
+        super().__init__(follower.ports, [joint for joint in follower if joint.name in leads], rate)
+        self._clock = clock
+        self.leader, self.follower = leader, follower
         self.deadman = deadman
-        self._read = [leader[name] for name in dict.fromkeys(lead.leader for lead in leads.values())]
-        self._cycle = RobotCycle(follower.ports, self.joints, "present_position", self.period)
-        self._supervision = Supervision(self.joints)
+        self._read: list[Joint] = [leader[name] for name in dict.fromkeys(lead.leader for lead in leads.values())]
         self.leading = Leading(
-            {joint.name: limits_of(joint) for joint in self.joints},
+            self.limits,
             {joint.name: joint.limits for joint in self.joints},
             leads,
             self.period,
             check_above_0("gate", gate),
         )
-        self.over = False
 
     def stop(self) -> None:
         """End it: the follower holds where it is, and `wait` returns."""
         self.over = True
 
-    def __iter__(self) -> Iterator[TeleopTick]:
-        had = self._begin()
-        try:
-            for _ in Rate(self.follower, self.follower.ports.now, self.period):
-                if self.over:
-                    break
-                yield self._turn()
-        except BaseException as error:
-            try:
-                self.follower.do(jobs.stop(self.joints), priority=Priority.STOP)
-            except ServobusError as failure:
-                error.add_note(str(failure))
-            raise
-        finally:
-            self.over = True
-            self.follower.do(stream.end(self.joints, had), priority=Priority.MOTION)
-        self.follower.do(jobs.stop(self.joints), priority=Priority.STOP)
-
-    def wait(self) -> None:
-        """Teleoperate until `stop`. Raises what ended it before: all joints of the follower were stopped then."""
-        for _ in self:
-            pass
-
-    def _begin(self) -> dict[Servo, int]:
-        states = self.leader.do(jobs.look(self._read), priority=Priority.READ)
-        stiff = [name for name, state in states.items() if state.torque]
+    @bus_method
+    @urgent(Priority.MOTION)
+    def begin(self) -> RobotJob[None]:
+        """Make sure that the leader is limp and the follower has torque. Nothing moves yet."""
+        states = yield from _of(LEADER, jobs.look(self._read))
         for joint in self._read:
             states[joint.name]  # raises what came instead of an answer
-        if stiff:
+        if stiff := [name for name, state in states.items() if state.torque]:
             raise MotionError(
                 f"{', '.join(stiff)}: the torque of the leader is on, so nobody could move it; hold the leader, and "
                 "switch it off"
             )
-        had = self.follower.do(stream.begin(self.joints), priority=Priority.MOTION)
-        self.leading.begin(self.follower.do(stream.where(self.joints), priority=Priority.MOTION))
-        self.follower.do(self._supervision.begin(), priority=Priority.MOTION)
-        return had
+        self.leading.begin((yield from _of(FOLLOWER, self.set_off())))
 
-    def _turn(self) -> TeleopTick:
-        began = self.follower.ports.now()
-        if not self.leader.ports.real:
-            self.leader.ports.align(self.leader.ports.now() + self.period)
-        seen = self.leader.do(jobs.read(self._read, "present_position"), priority=Priority.READ)
+    @bus_method
+    @urgent(Priority.MOTION)
+    def step(self) -> RobotJob[TeleopTick | None]:
+        """Read the leader, and send the follower its next goals; None once it is over.
+
+        Raises what ended it: all joints of the follower were stopped then.
+        """
+        if self.over:
+            return None
+        began: float = yield Now()
+        seen = yield from _of(LEADER, jobs.read(self._read, "present_position"))
         held = self.deadman is None or self.deadman()
         states, clamped = self.leading.step(dict(seen), held=held)
-        goals = {name: state.position for name, state in states.items()}
-        result = self.follower.do(self._cycle.turn(goals), priority=Priority.MOTION)
-        self.follower.do(self._supervision.watch(states, result), priority=Priority.MOTION)
-        wanted = self.leading.wanted(seen)[0] if not seen.lost else goals
-        lag = self.follower.ports.now() - began
-        return TeleopTick(self.leading.phase, self.leading.why, wanted, result, clamped, lag)
+        result = yield from _of(FOLLOWER, self.send(states))
+        wanted = {name: state.position for name, state in states.items()}
+        if not seen.lost:
+            wanted = self.leading.wanted(seen)[0]
+        ended: float = yield Now()
+        return TeleopTick(self.leading.phase, self.leading.why, wanted, result, clamped, ended - began)
+
+    @bus_method
+    @urgent(Priority.STOP)
+    def end(self, error: BaseException | None = None) -> RobotJob[None]:
+        """Let the follower hold where it is, and give its servos their speeds back."""
+        return _of(FOLLOWER, self.finish(error, stop=True))
 
 
-def _leads(leader: Robot, follower: Robot, joints: Mapping[str, str | Lead] | None) -> dict[str, Lead]:
+class Teleop(BlockingTurns[TeleopTick], Leadership):
+    """A leader and a follower: iterate over it, or `wait`; see the head of this module and `Leadership`."""
+
+    def __init__(
+        self, leader: Robot, follower: Robot, joints: Mapping[str, str | Lead] | None = None, **options: Any
+    ) -> None:
+        self._ports = BlockingPorts(_both(leader, follower))
+        super().__init__(self, self._ports.now, leader, follower, joints, **options)
+
+    def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
+        """Carry out a job of both robots."""
+        return self._ports.do(job, priority)
+
+
+class AsyncTeleop(AsyncTurns[TeleopTick], Leadership):
+    """A leader and a follower of asyncio: iterate over it with `async for`, or await `wait()`."""
+
+    def __init__(
+        self,
+        leader: "AsyncRobot",
+        follower: "AsyncRobot",
+        joints: Mapping[str, str | Lead] | None = None,
+        **options: Any,
+    ) -> None:
+        from servobus.robots.asyncio import AsyncPorts  # noqa: PLC0415 - asyncio is slow to import
+
+        self._ports = AsyncPorts(_both(leader, follower))
+        super().__init__(self, self._ports.now, leader, follower, joints, **options)
+
+    async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
+        """Carry out a job of both robots."""
+        return await self._ports.do(job, priority)
+
+
+def _leads(leader: AnyRobot, follower: AnyRobot, joints: Mapping[str, str | Lead] | None) -> dict[str, Lead]:
     """Give how each joint of the follower is led. Raises UnknownName, BadValue, UsageError."""
     if joints is None:
         joints = {name: name for name in follower.joints if name in leader.joints}

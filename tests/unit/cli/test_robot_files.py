@@ -76,7 +76,7 @@ def test_a_motion_comes_with_a_file_of_samples(arm: Path, run: Run, refused: Cal
     Path("nod.move").write_text(MOVE)
     done = run("robot", "import", "nod.move", "--onto", arm.name)
     assert "samples in nod.csv" in done.stdout
-    assert Path("nod.csv").read_text() == "time,wrist\n0,1.5\n1,2.5\n"
+    assert Path("nod.csv").read_text() == "time,wrist\n0.0000,1.500\n1.0000,2.500\n"
     assert read_file(arm).motions["nod"].file == "nod.csv"
     text = arm.read_text()
     Path("other.csv").write_text("mine")
@@ -92,5 +92,10 @@ def test_what_cannot_be_is_refused_and_changes_nothing(arm: Path, refused: Calla
     assert "cannot be read" in refused("robot", "import", "nothing.json", "-o", "new.toml")
     assert "say -o" in refused("robot", "import", "arm.urdf", "-o", "a", "--onto", arm.name, code=2)
     assert "THEIRS=OURS" in refused("robot", "import", "arm.urdf", "--onto", arm.name, "--joint", "j1", code=2)
+    onto = ("robot", "import", "arm.urdf", "--onto", arm.name, "--joint", "j1=wrist")
+    assert "--model rx28, --joint j2=grip: nothing in this URDF" in refused(
+        *onto, "--joint", "j2=grip", "--model", "rx28", code=2
+    )
+    assert "--name wave" in refused(*onto, "--name", "wave", code=2)
     assert arm.read_text() == SIX
     assert not Path("new.toml").exists()

@@ -7,7 +7,16 @@ from typing import Any
 import pytest
 
 import servobus
-from samples import factory_bauds, has, one_model_of_each_family, other_bauds, sample_models, turning
+from samples import (
+    SAMPLE_KEYS,
+    factory_baud,
+    factory_bauds,
+    has,
+    one_model_of_each_family,
+    other_bauds,
+    sample_models,
+    turning,
+)
 from servobus import MODELS, connect, deg
 from servobus.cli import stop
 from servobus.core.ids import BROADCAST
@@ -15,7 +24,10 @@ from servobus.families import registry
 from servobus.virtual.serve.inprocess import VirtualPort
 from unit.cli.conftest import Run
 
-ALL_FAMILIES = ",".join(f"{model}@{n + 1}" for n, model in enumerate(MODELS))
+EACH_SPEED = {(model.family.name, factory_baud(model)): key for key, model in reversed(list(MODELS.items()))}
+"""Family and factory speed -> the first model with both."""
+KEYS = list(dict.fromkeys([*SAMPLE_KEYS, *EACH_SPEED.values()]))
+ALL_FAMILIES = ",".join(f"{key}@{n + 1}" for n, key in enumerate(KEYS))
 
 
 @pytest.fixture
@@ -159,7 +171,7 @@ def test_N6_all_off_reaches_every_family_at_its_factory_speed(
     bus = ports(ALL_FAMILIES)
     set_going(bus, turn)
     run("torque", "arm", "all", "off")
-    assert [real.torque for real in bus.transport.servos] == [False] * len(MODELS)
+    assert [real.torque for real in bus.transport.servos] == [False] * len(KEYS)
 
 
 @sample_models
@@ -215,7 +227,7 @@ def test_N6_servos_of_all_families_at_one_speed_hear_it(ports: Callable[[str], A
         set_baud(bus, baud)
         set_going(bus, turn=False)
         run("torque", "arm", "all", "off")
-        assert [real.torque for real in bus.transport.servos] == [False] * len(MODELS), baud
+        assert [real.torque for real in bus.transport.servos] == [False] * len(KEYS), baud
 
 
 def test_N6_it_is_told_twice_and_only_where_it_is_asked_for(ports: Callable[[str], Any], run: Run) -> None:

@@ -1,7 +1,7 @@
 """Options of virtual servos: how they are said, that each has an effect, and that the driver gets along with all."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from servobus.virtual.serve.spec import Group, Setup, parse_specs, parse_url
 DECISIONS = Path(__file__).parents[3] / "docs" / "decisions.md"
 
 
-def declared(model: type[Model]) -> dict[str, Option[Any]]:
+def declared(model: type[Model]) -> Mapping[str, Option[Any]]:
     return options_of(firmware(model))
 
 

@@ -17,7 +17,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from servobus.core.ids import LAST_ID
 from servobus.core.registers import Register
@@ -41,6 +41,9 @@ from servobus.robots.file.kinds import (
     Text,
     Whole,
 )
+
+if TYPE_CHECKING:
+    from servobus.safety.overload import Thresholds
 
 FORMAT = 1
 """Version of the format of robot files that is written and read here."""
@@ -171,8 +174,15 @@ class LoadEntry:
     length: float = key(Measured("m", "0.15m", least=0.0), "Length of the link.", default=0.0)
     down: float | None = key(
         _ANGLE,
-        "Angle of the joint at which its link hangs straight down, for a joint that swings in a vertical plane.",
+        "Angle of the joint at which its link hangs straight down, or goes straight on from that of its parent, for a "
+        "joint that swings in a vertical plane. Without it a joint with a parent rolls, and one without turns about a "
+        "vertical axis.",
         default=None,
+    )
+    sense: int = key(
+        Direction(),
+        "-1 for a joint that swings the other way round than those of its arm with 1, seen from one side.",
+        default=1,
     )
     parent: str | None = key(Name("joint"), "Joint at the end of whose link this one sits.", default=None)
 
@@ -217,6 +227,14 @@ class JointEntry:
         "Settings that the servos of the joint are to keep: register -> value, as `servobus registers` lists them.",
         default_factory=dict,
     )
+
+    @property
+    def thresholds(self) -> "Thresholds":
+        """When the joint is protected: what [joint.NAME.protect] says, the rest as always. Raises BadValue."""
+        from servobus.safety.overload import Thresholds  # noqa: PLC0415 - only some programs need it
+
+        given = {} if self.protect is None else {name: getattr(self.protect, name) for name in keys_of(ProtectEntry)}
+        return Thresholds(**{name: value for name, value in given.items() if value is not None}).check()
 
     @property
     def axis(self) -> Axis:
@@ -282,7 +300,11 @@ class MotionEntry:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotFile:
-    """All that stands in a robot file. `path` is None for one that was not read from a file."""
+    """All that stands in a robot file.
+
+    path     where it was read from; None for one that is no file
+    virtual  None, or the options of the virtual servos that stand in for its own, as behind "virtual:arm.toml?"
+    """
 
     path: Path | None
     text: str
@@ -292,6 +314,7 @@ class RobotFile:
     groups: Mapping[str, tuple[str, ...]]
     poses: Mapping[str, Mapping[str, float]]
     motions: Mapping[str, MotionEntry]
+    virtual: str | None = None
 
     @property
     def name(self) -> str:

@@ -27,7 +27,8 @@ def _lines(text: str) -> dict[tuple[str, ...], int]:
     for number, line in enumerate(text.splitlines(), 1):
         if match := _TABLE.match(line):
             table = _split(match[1])
-            found.setdefault(table, number)
+            for length in range(1, len(table) + 1):  # the first of several tables stands for what they are in
+                found.setdefault(table[:length], number)
         elif match := _SET.match(line):
             found.setdefault(table + _split(match[1]), number)
     return found

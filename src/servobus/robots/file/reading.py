@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Any, NoReturn, TypeVar
 
 from servobus.core.registers import Motion, Register
-from servobus.core.units import show
+from servobus.core.units import deg, show
 from servobus.core.values import frozen
 from servobus.errors import RobotFileError, UsageError
 from servobus.jobs.backup import identity_names
@@ -40,13 +40,19 @@ NAMED = {"port": PortEntry, "joint": JointEntry, "motion": MotionEntry}
 PARTS: dict[str, type] = {"mirror": MirrorEntry, "protect": ProtectEntry, "load": LoadEntry}
 """Tables inside that of a joint."""
 ANGLE = Measured("rad", "90deg")
-ROUNDING = 1e-9
-"""rad by which a limit may be missed by reckoning."""
+VIRTUAL = "virtual:"
+"""What stands in front of the name of a file whose servos are to be virtual ones."""
+ROUNDING = 1e-4 * deg
+"""rad by which an angle may miss a limit: files have angles with so many digits, and reckoning rounds."""
 
 
 def read_file(path: str | PathLike[str]) -> RobotFile:
-    """Read a robot file. Raises RobotFileError."""
-    where = Path(fspath(path))
+    """Read a robot file; with "virtual:arm.toml?clock=virtual" it is that of a virtual robot. Raises RobotFileError."""
+    given = fspath(path)
+    if given.startswith(VIRTUAL):
+        name, _, options = given.removeprefix(VIRTUAL).partition("?")
+        return replace(read_file(name), virtual=options)
+    where = Path(given)
     try:
         text = read_bytes(where)
     except FileNotFoundError:
@@ -191,9 +197,9 @@ class _Reader:
                     )
                 taken[who] = name
             self._range(joint)
+            self._value((*path, "protect"), JointEntry.thresholds.__get__, joint)
             self._registers(joint)
-            if joint.load is not None and joint.load.parent is not None:
-                self._there(joint.load.parent, file.joints, (*path, "load", "parent"), "joint")
+            self._parents(file, joint)
         for group, joints in file.groups.items():
             if group in file.joints:
                 self._refuse(("group", group), f"a joint is called {group} already; give the group another name")
@@ -210,6 +216,19 @@ class _Reader:
         if file.robot.rest is not None:
             self._there(file.robot.rest, file.poses, ("robot", "rest"), "pose")
 
+    def _parents(self, file: RobotFile, joint: JointEntry) -> None:
+        """Refuse a joint that sits on one that is not there, or on itself."""
+        path = ("joint", joint.name, "load", "parent")
+        seen, below = [joint.name], joint
+        while below.load is not None and (parent := below.load.parent) is not None:
+            self._there(parent, file.joints, ("joint", below.name, "load", "parent"), "joint")
+            if parent == joint.name:
+                self._refuse(path, f"{' sits on '.join([*seen, parent])}; one of them sits on none")
+            if parent in seen:
+                return  # a circle further down, which is told of its own joints
+            seen.append(parent)
+            below = file.joints[parent]
+
     def _can(self, servo: ServoEntry, path: tuple[str, ...]) -> None:
         speeds = servo.model.bauds
         if servo.baud is not None and speeds and servo.baud not in speeds:
@@ -225,7 +244,7 @@ class _Reader:
                     ("joint", joint.name, "zero"), "the two servos have no angle in common; look at both zeros"
                 )
             return
-        if any(abs(can - asked) > ROUNDING for can, asked in zip((low, high), joint.limits, strict=True)):
+        if low - joint.limits[0] > ROUNDING or joint.limits[1] - high > ROUNDING:
             can = replace(joint, limits=None).range
             self._refuse(
                 path,

@@ -1,6 +1,6 @@
 """Motions of other programs as motions of a robot file: what all of them share."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from servobus.core.units import deg, show
@@ -11,6 +11,8 @@ from servobus.robots.formats.base import Given, listed, plain_name
 
 PLACES = 4
 """Places of degrees and of seconds that are written."""
+HALF = 0.5 * 10**-PLACES * deg
+"""rad by which an angle may be rounded."""
 
 
 def motion_name(file: RobotFile, given: Given) -> str:
@@ -24,12 +26,16 @@ def motion_name(file: RobotFile, given: Given) -> str:
 def check_angle(file: RobotFile, joint: str, angle: float, where: str) -> float:
     """Give an angle of a joint, rad, in degrees to be written. Raises FormatError outside its limits."""
     low, high = file.joints[joint].range
-    told = round(angle / deg, PLACES)
-    if not low - ROUNDING <= told * deg <= high + ROUNDING:
+    if not low - HALF <= angle <= high + HALF:
         raise FormatError(
             f"{where}: {joint} goes to {show(angle, 'rad')}, which is outside its limits in {file.name}, "
             f"{show(low, 'rad')} .. {show(high, 'rad')}; nothing was taken"
         )
+    told = round(angle / deg, PLACES)
+    if told * deg > high + ROUNDING:
+        told = round(told - 2 * HALF / deg, PLACES)
+    elif told * deg < low - ROUNDING:
+        told = round(told + 2 * HALF / deg, PLACES)
     return told + 0.0
 
 
@@ -38,22 +44,12 @@ def figure(value: float) -> str:
     return f"{value:.{PLACES}f}".rstrip("0").rstrip(".")
 
 
-def steps_of(times: list[float], poses: list[Mapping[str, float]]) -> list[dict[str, Any]]:
+def steps_of(times: Sequence[float], poses: Sequence[Mapping[str, float]]) -> list[dict[str, Any]]:
     """Give the steps of a motion as a robot file has them; times in s, angles in degrees."""
     return [
         {"joints": {joint: f"{figure(angle)}deg" for joint, angle in pose.items()}, "time": f"{figure(time)}s"}
         for time, pose in zip(times, poses, strict=True)
     ]
-
-
-def samples_of(times: list[float], poses: list[Mapping[str, float]]) -> str:
-    """Give samples as a file beside the robot file has them: columns time, in s, and each joint, in degrees."""
-    joints = list(poses[0])
-    rows = [["time", *joints]]
-    rows += [
-        [figure(time), *(figure(pose[joint]) for joint in joints)] for time, pose in zip(times, poses, strict=True)
-    ]
-    return "".join(f"{','.join(row)}\n" for row in rows)
 
 
 def none_known(file: RobotFile, given: Given, names: list[str]) -> FormatError:

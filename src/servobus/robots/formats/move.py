@@ -6,7 +6,6 @@ The keys are times in s, the values position in degrees and speed in °/s of eac
 out: playing reckons them from the positions. Source: pypot 5.0.2, primitive/move.py.
 """
 
-from collections.abc import Mapping
 from itertools import pairwise
 from operator import itemgetter
 from typing import Any
@@ -15,8 +14,10 @@ from servobus.core.units import deg, finite
 from servobus.errors import FormatError
 from servobus.robots.file.entries import RobotFile
 from servobus.robots.file.kinds import shown
+from servobus.robots.file.writing import Key
 from servobus.robots.formats.base import Changes, Given, json_of, json_or_none, listed
-from servobus.robots.formats.motions import check_angle, motion_name, none_known, samples_of
+from servobus.robots.formats.motions import check_angle, motion_name, none_known
+from servobus.robots.motion import Motion, samples_text
 
 
 def known(data: bytes) -> bool:
@@ -28,25 +29,30 @@ def known(data: bytes) -> bool:
 def onto(data: bytes, file: RobotFile, given: Given) -> Changes:
     """Take a motion into a robot file: its samples go into a file beside it. It begins at 0 s."""
     samples = _read(data, given.source)
+    if len(samples) < 2:
+        raise FormatError(f"{given.source}: it has one pose, and a motion has at least two")
     first, pose = samples[0]
     names = {name: given.joint(name) for name in pose}
     mine = {name: ours for name, ours in names.items() if ours in file.joints}
     if not mine:
         raise none_known(file, given, list(names))
     left = [name for name in names if name not in mine]
-    poses: list[Mapping[str, float]] = []
+    angles_by_joint: dict[str, list[float]] = {ours: [] for ours in mine.values()}
     for time, angles in samples:
         if angles.keys() != pose.keys():
             raise FormatError(f"{given.source}: at {time:g} s it has other motors than at {first:g} s")
         where = f"{given.source}: at {time:g} s"
-        poses.append({ours: check_angle(file, ours, angles[name] * deg, where) for name, ours in mine.items()})
+        for name, ours in mine.items():
+            angles_by_joint[ours].append(check_angle(file, ours, angles[name] * deg, where) * deg)
     motion = motion_name(file, given)
     notes = [f"these are no joints of {file.name}, so they were left out: {listed(left)}"] if left else []
     notes.append("its speeds were left out: playing reckons them from the positions")
     path = f"{motion}.csv"
-    text = samples_of([time - first for time, _ in samples], poses)
+    times = tuple(time - first for time, _ in samples)
+    text = samples_text(Motion(times, {joint: tuple(angles) for joint, angles in angles_by_joint.items()}))
+    changes: dict[Key, Any] = {("motion", motion, "path"): "pchip", ("motion", motion, "file"): path}
     done = f"motion {motion}: {len(samples)} samples over {samples[-1][0] - first:g} s of {listed(mine.values())}"
-    return Changes({("motion", motion, "file"): path}, {path: text}, tuple(notes), done)
+    return Changes(changes, {path: text}, tuple(notes), done)
 
 
 def _read(data: bytes, source: str) -> list[tuple[float, dict[str, float]]]:

@@ -7,7 +7,7 @@ one the stored value, if the row is in the EEPROM area. Where a place has one lo
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 from servobus.core.ids import check_id
 from servobus.core.registers import Access, Area, Location, Register
@@ -35,18 +35,10 @@ class Memory:
         """Bytes that were written to the EEPROM since this memory was made, changed or not."""
         self.on_store: Callable[[], None] = _nothing
         self.eeprom = Stored(self)
-        self._slots = {row: _slots(row) for row in model.registers.values()}
-        sizes: dict[str, int] = {}
-        for row, slots in self._slots.items():
-            for space, at in filter(None, (slots.working, slots.stored)):
-                sizes[space] = max(sizes.get(space, 0), at + row.layout.size)
-        self._spaces = {space: bytearray(size) for space, size in sizes.items()}
-        self._persistent = {
-            (space, at + i)
-            for row, slots in self._slots.items()
-            for space, at in filter(None, (slots.stored,))
-            for i in range(row.layout.size)
-        }
+        if model not in _PLANS:
+            _PLANS[model] = _plan(model)
+        self._slots, self._persistent = _PLANS[model]
+        self._spaces = {space: bytearray(len(there)) for space, there in self._persistent.items()}
         self.factory_reset()
         self.power_on()
 
@@ -96,12 +88,13 @@ class Memory:
 
     def write(self, space: str, address: int, data: bytes) -> None:
         """Put bytes into a space: the caller has checked that they may go there."""
-        bytes_there = self._spaces[space]
-        changed = [i for i, byte in enumerate(data, address) if bytes_there[i] != byte]
-        bytes_there[address : address + len(data)] = data
-        self.bytes_stored += sum((space, i) in self._persistent for i in range(address, address + len(data)))
-        if any((space, i) in self._persistent for i in changed):
-            self.on_store()
+        there = slice(address, address + len(data))
+        before, persistent = self._spaces[space][there], self._persistent[space][there]
+        self._spaces[space][there] = data
+        if stored := sum(persistent):
+            self.bytes_stored += stored
+            if any(old != new and kept for old, new, kept in zip(before, data, persistent, strict=True)):
+                self.on_store()
 
     # Life
 
@@ -170,6 +163,24 @@ class Stored:
     def __setitem__(self, register: Register[Any], raw: int) -> None:
         register = self._memory.own(register)
         self._memory.write(*self._memory._stored_slot(register), register.layout.pack(raw))
+
+
+_Plan: TypeAlias = tuple[Mapping[Register[Any], Slots], Mapping[str, bytes]]
+"""Where the values of a model lie, and for each map a 1 for each byte that outlives a power cycle, else a 0."""
+_PLANS: dict[type[Model], _Plan] = {}
+"""What all servos of a model share, as to work it out takes longer than to make the bytes."""
+
+
+def _plan(model: type[Model]) -> _Plan:
+    places = {row: _slots(row) for row in model.registers.values()}
+    persistent: dict[str, bytearray] = {}
+    for row, slots in places.items():
+        for space, at in filter(None, (slots.working, slots.stored)):
+            marks = persistent.setdefault(space, bytearray())
+            marks.extend(bytes(max(at + row.layout.size - len(marks), 0)))
+            if (space, at) == slots.stored:
+                marks[at : at + row.layout.size] = b"\1" * row.layout.size
+    return places, {space: bytes(marks) for space, marks in persistent.items()}
 
 
 def _slots(row: Register[Any]) -> Slots:

@@ -12,6 +12,8 @@ values of its own under `practice`, see `Model.practice`.
 
 import math
 from collections.abc import Iterable, Mapping
+from functools import cache
+from types import MappingProxyType
 from typing import Any, Generic, Literal, NamedTuple, Protocol, Self, TypeAlias, TypeVar, get_args, overload
 
 from servobus.core.units import Switch, parse, show
@@ -198,7 +200,8 @@ class Option(Generic[T]):
             raise BadValue(f"{self.name}={value}: {error}; {self.name} takes {self.kind.words}") from None
 
 
-def options_of(firmware: type) -> dict[str, Option[Any]]:
+@cache
+def options_of(firmware: type) -> Mapping[str, Option[Any]]:
     """Give all options of a firmware by name, its own first.
 
     A class that gives a plain value in the place of an option has no such option: it always does the same.
@@ -210,7 +213,7 @@ def options_of(firmware: type) -> dict[str, Option[Any]]:
             if isinstance(value, Option) and name not in told:
                 found[name] = value
             told.add(name)
-    return found
+    return MappingProxyType(found)
 
 
 def defaults(firmware: type, model: type[Model], reading: Reading = "practice") -> dict[str, Any]:

@@ -13,7 +13,7 @@ import random
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from enum import IntFlag
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, Protocol, TypeAlias
 
 from servobus.core.framing import BITS_PER_BYTE, Corrupt, Packet
 from servobus.core.ids import check_id
@@ -37,6 +37,16 @@ ROOM_TEMPERATURE = 25.0
 """degC; assumption, where nothing else is said."""
 
 
+class Company(Protocol):
+    """Servos that live in step because they feel each other; see servobus.virtual.device.mechanism."""
+
+    def advance(self, servo: "VirtualServo", now: float) -> None:
+        """Bring a servo up to now, and as far as can be the others too."""
+
+    def let_pass(self, servo: "VirtualServo", now: float) -> None:
+        """Let time pass in which nobody looks at this servo."""
+
+
 class VirtualServo(ABC):
     """A servo of some family. A subclass is the firmware of the models that name it, see `Model.firmware`.
 
@@ -50,6 +60,8 @@ class VirtualServo(ABC):
     """
 
     awaits_turn = False
+    company: Company | None = None
+    """Servos that it lives in step with; None where it lives for itself."""
 
     answer_time = Option(
         Times(), practice=NO_TIME, manual=NO_TIME,
@@ -200,13 +212,30 @@ class VirtualServo(ABC):
 
         Voltage and temperature are taken to have been what they are since the last call.
         """
-        if self.powered:
-            # A time that should be a whole number of ticks can be a rounding error short of it.
-            ticks = math.floor((now - self.started) / self.tick + 1e-6) - self._ticks
-            self.time = max(self.time, now)
-            if ticks > 0:
-                self._ticks += ticks
-                self.control(ticks)
+        if self.company is None:
+            self.live(now)
+        else:
+            self.company.advance(self, now)
+
+    def let_pass(self, now: float) -> None:
+        """Let time pass until now in which nobody looks at it: as `advance`, but it may wait for its company."""
+        if self.company is None:
+            self.live(now)
+        else:
+            self.company.let_pass(self, now)
+
+    def live(self, now: float) -> int:
+        """Bring this servo alone up to now; give how many ticks that took."""
+        if not self.powered:
+            return 0
+        # A time that should be a whole number of ticks can be a rounding error short of it.
+        ticks = math.floor((now - self.started) / self.tick + 1e-6) - self._ticks
+        self.time = max(self.time, now)
+        if ticks <= 0:
+            return 0
+        self._ticks += ticks
+        self.control(ticks)
+        return ticks
 
     # Packets
 

@@ -5,6 +5,7 @@ The firmware says once a tick what the bridge does; `tick` lets the motor answer
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from servobus.virtual.physics.motor import (
     CLOSED,
@@ -90,6 +91,7 @@ class Shaft:
         self.duty = 0.0
         self.closed = OPEN
         self._load = NOTHING
+        self._borne = self._push = 0.0
         self._conductance = self._fed = 0.0
         self._still_at = 0.0
         """V under which it came to rest."""
@@ -142,6 +144,14 @@ class Shaft:
         self._load = load
         self._prepare()
 
+    def bear(self, inertia: float, torque: float) -> None:
+        """Feel what other shafts let it feel: an inertia, kg·m², beside its load's, and a torque, N·m, from now on."""
+        if inertia != self._borne:
+            self._borne = inertia
+            self._prepare()
+        if torque != self._push:
+            self._push, self._still = torque, False
+
     def join(self, rail: Rail) -> None:
         """Connect it to another supply."""
         self.rail.draw(-self._conductance, -self._fed)
@@ -176,11 +186,20 @@ class Shaft:
         self._still = False
         for _ in range(ticks):
             before = state.position
-            step(plan, state, self.duty, rail.voltage, self.closed)
+            step(plan, state, self.duty, rail.voltage, self.closed, self._push)
             if state.velocity == 0 and state.position == before:
                 self._rest(ticks)
                 break
         self._pass(ticks)
+
+    def foresee(self) -> float:
+        """Give the acceleration in the next tick, rad/s², if the bridge does the same."""
+        state = self.state
+        position, velocity, current, heat, play = state.position, state.velocity, state.current, state.heat, state.play
+        step(self._plan, state, self.duty, self.rail.voltage, self.closed, self._push)
+        change = state.velocity - velocity
+        state.position, state.velocity, state.current, state.heat, state.play = position, velocity, current, heat, play
+        return change / self.tick_time
 
     def run(self, ticks: int, law: Callable[[float], float]) -> int:
         """Let up to so many ticks pass, each driven at law(position), and give how many did.
@@ -192,13 +211,13 @@ class Shaft:
             ticks = 1
         elif ticks > self._heat_ticks - self._unheated:
             ticks = self._heat_ticks - self._unheated
-        state, plan, voltage = self.state, self._plan, self.rail.voltage
+        state, plan, voltage, push = self.state, self._plan, self.rail.voltage, self._push
         self._still = False
         passed, duty, position = 0, self.duty, state.position
         while passed < ticks:
             passed += 1
             before, duty = position, law(position + state.play)
-            step(plan, state, duty, voltage)
+            step(plan, state, duty, voltage, CLOSED, push)
             position = state.position
             if position == before and state.velocity == 0:
                 self._rest(1)
@@ -235,7 +254,8 @@ class Shaft:
 
     def _prepare(self) -> None:
         self._prepared_at = self.state.winding
-        self._plan = prepare(self.motor, self._load, dt=self.tick_time, winding=self._prepared_at)
+        load = replace(self._load, inertia=self._load.inertia + self._borne) if self._borne else self._load
+        self._plan = prepare(self.motor, load, dt=self.tick_time, winding=self._prepared_at)
         self._still = False
 
     def _draw(self) -> None:

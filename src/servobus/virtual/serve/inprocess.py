@@ -30,7 +30,7 @@ class VirtualPort(Transport):
         self._started = time.monotonic()
         self._open = True
         self._gone = False
-        self._changed = threading.Condition(threading.RLock())
+        self._changed = threading.Condition(rig.lock)
         """Held by the thread that lets something happen on the line; on the real clock several may use the port. What
         is written wakes a thread that reads: its next look may be sooner now."""
         self.set_baud(rig.default_baud)

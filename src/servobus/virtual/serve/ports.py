@@ -59,24 +59,31 @@ class Port(ABC):
         kept_up = 0.0
         with RunQueue() as queue:
             while not stop.is_set():
-                now = time.monotonic() - started
-                if self.rig.gone(now):
+                with self.rig.lock:
+                    now = time.monotonic() - started
+                    gone = self.rig.gone(now)
+                    replies, look = (b"", None) if gone else (self.rig.receive(now), self.rig.next_look())
+                if gone:
                     self._stay_away(stop, started)
                     continue
-                if replies := self.rig.receive(now):
+                if replies:
                     self._send(replies)
-                look, waited = self.rig.next_look(), queue.waited()
+                waited = queue.waited()
                 timeout = PULSE if look is None else min(max(look - now, 0), PULSE)
-                if data := self._wait(timeout):
-                    came = time.monotonic() - started
+                data = self._wait(timeout)
+                came = time.monotonic() - started
+                if data:
                     # A servo does not answer late because the computer is busy: what ended the wait has come when this
                     # thread could have run. What came after the wait was over has come at some time since then.
                     if (could_run := came - (queue.waited() - waited)) < now + timeout:
                         came = max(could_run, now)
-                    self.rig.client_baud = self._baud()
-                    self.rig.send(data, came)
-                elif look is None and (now := time.monotonic() - started) - kept_up >= PULSE:
-                    self._keep_up(now)
+                    with self.rig.lock:
+                        self.rig.client_baud = self._baud()
+                        self.rig.send(data, came)
+                elif look is None and came - kept_up >= PULSE:
+                    with self.rig.lock:
+                        now = time.monotonic() - started
+                        self._keep_up(now)
                     kept_up = now
 
     def _appear(self) -> None:
@@ -87,11 +94,16 @@ class Port(ABC):
     def _stay_away(self, stop: threading.Event, started: float) -> None:
         """Be no port, as the faults ask for, and then another one under the same name. Raises PortError."""
         self._stack.close()
-        while self.rig.gone(now := time.monotonic() - started):
-            self.rig.receive(now)  # does what was posted, such as to mend the fault; what servos send is lost
-            if self.rig.next_look() != -math.inf and stop.wait(PULSE):
+        while True:
+            with self.rig.lock:
+                now = time.monotonic() - started
+                gone = self.rig.gone(now)
+                self.rig.receive(now)  # does what was posted, such as to mend the fault; what servos send is lost
+                more = self.rig.next_look() == -math.inf
+            if not gone:
+                break
+            if not more and stop.wait(PULSE):
                 return
-        self.rig.receive(time.monotonic() - started)
         self._appear()
 
     def _keep_up(self, now: float) -> None:
@@ -153,6 +165,7 @@ class TcpPort(Port):
     def _open(self, stack: ExitStack) -> None:
         host, port = self._address
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        stack.callback(self._leave)  # behind the listener: who is hung up on must not get through once more
         try:
             self._listener = stack.enter_context(socket.create_server((host, port), family=family, backlog=1))
         except (OSError, OverflowError) as error:
@@ -160,7 +173,6 @@ class TcpPort(Port):
                 said = "another program listens there; end it, or take another port: 0 takes any free one"
                 raise PortError(f"cannot listen on {host} port {port}: {said}") from error
             raise PortError(f"cannot listen on {host} port {port}: {error}") from error
-        stack.callback(self._leave)
         shown = f"[{host}]" if ":" in host else host
         self._address = host, self._listener.getsockname()[1]
         self.name = f"socket://{shown}:{self._address[1]}"

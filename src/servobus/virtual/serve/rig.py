@@ -5,6 +5,7 @@ goes to all of them, and what they answer comes back in the order of time.
 """
 
 import math
+import threading
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Sequence
 
@@ -27,6 +28,8 @@ class Rig:
         self.state = state
         self.clock = clock
         self.faults = NO_FAULTS
+        self.lock = threading.RLock()
+        """Held by whoever lets something happen here. Rigs whose servos feel each other share one."""
         self._tasks: deque[Callable[[float], None]] = deque()
 
     def open(self) -> None:
@@ -132,11 +135,11 @@ class Rig:
             line.run(now)
 
     def advance(self, now: float) -> None:
-        """Bring everything, every servo included, up to now."""
+        """Bring everything, every servo included, up to now; those that feel servos of other ports wait for these."""
         self.run(now)
         for line in self.lines:
             for servo in line.servos:
-                servo.advance(now)
+                servo.let_pass(now)
 
 
 def build_rig(setup: Setup) -> Rig:
@@ -151,6 +154,7 @@ def build_rig(setup: Setup) -> Rig:
                 id,
                 voltage=setup.voltage,
                 temperature=temperature,
+                position=group.position,
                 motor_set=setup.motor,
                 reading=setup.reading,
                 options=options,

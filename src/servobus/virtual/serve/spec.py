@@ -9,7 +9,7 @@ mass=0.2,length=0.1          a load: an arm of 10 cm with 200 g at its end
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -31,11 +31,12 @@ NO_OPTIONS: Mapping[str, str] = MappingProxyType({})
 
 
 class Group(NamedTuple):
-    """Servos of one model: their ids, and what is said of them, as it was typed."""
+    """Servos of one model: their ids, what is said of them, as it was typed, and where their shafts stand at first."""
 
     model: type[Model]
     ids: list[int]
     options: Mapping[str, str] = NO_OPTIONS
+    position: float | None = None  # rad; None is where a servo out of its box has it
 
 
 Clock: TypeAlias = Literal["real", "virtual"]
@@ -110,7 +111,7 @@ class Setup:
             raise BadValue(f"{self.reading!r} is no reading of the manuals: there are {', '.join(READINGS)}")
         models = dict.fromkeys(group.model for group in self.servos)
         for name in self.options:
-            if not any(_has(model, name) for model in models):
+            if not any(has_option(model, name) for model in models):
                 raise UsageError(_unknown(name, list(models)))
         for group in self.servos:
             self.settings(group)
@@ -124,16 +125,16 @@ class Setup:
     def settings(self, group: Group) -> tuple[dict[str, Any], dict[str, int]]:
         """Give the options of a group, and what registers hold, by name. Raises BadValue or UsageError."""
         model = group.model
-        said = {name: word for name, word in self.options.items() if _has(model, name)} | dict(group.options)
+        said = {name: word for name, word in self.options.items() if has_option(model, name)} | dict(group.options)
         known = options_of(firmware(model))
         for name in said:
-            if not _has(model, name):
+            if not has_option(model, name):
                 raise UsageError(_unknown(name, [model]))
         options = read_options(firmware(model), model, {name: word for name, word in said.items() if name in known})
         return options, {name: _raw(model, name, word) for name, word in said.items() if name not in known}
 
 
-def _has(model: type[Model], name: str) -> bool:
+def has_option(model: type[Model], name: str) -> bool:
     """Tell whether a model has an option of this name, or a register that can hold a value."""
     return name in options_of(firmware(model)) or name in model.registers or name in model.aliases
 
@@ -204,9 +205,14 @@ def parse_specs(text: str) -> Servos:
 def parse_url(text: str) -> Setup:
     """Read "virtual:rx28@1-4?clock=virtual&voltage=12". Raises UsageError."""
     specs, _, query = text.removeprefix(PREFIX).partition("?")
+    return setup_of(parse_specs(specs), parse_qsl(query, keep_blank_values=True), text)
+
+
+def setup_of(servos: Servos, said: Iterable[tuple[str, str]], text: str) -> Setup:
+    """Read what is said of servos, name and value; `text` is for messages. Raises UsageError."""
     surroundings: dict[str, Any] = {}
     options: dict[str, str] = {}
-    for name, value in parse_qsl(query, keep_blank_values=True):
+    for name, value in said:
         if name in options or SURROUNDINGS.get(name) in surroundings:
             raise UsageError(f"{text!r} says {name} twice; leave one out")
         if name not in SURROUNDINGS:
@@ -219,7 +225,7 @@ def parse_url(text: str) -> Setup:
         except ValueError as error:
             raise BadValue(f"{text!r}: {name}: {error}") from None
     try:
-        return Setup(parse_specs(specs), options=options, **surroundings)
+        return Setup(servos, options=options, **surroundings)
     except UsageError as error:
         if not options:
             raise

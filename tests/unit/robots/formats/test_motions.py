@@ -4,15 +4,17 @@ import json
 import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from servobus import FormatError
-from servobus.robots.file.reading import read_text
+from servobus.robots.file.reading import read_file, read_text
 from servobus.robots.file.writing import edited
 from servobus.robots.formats import d6a, move
 from servobus.robots.formats.base import Given
+from servobus.robots.motion import motion_of
 from unit.robots.arms import SIX
 
 
@@ -99,16 +101,32 @@ MOVE = positions(**{"0.02": {"wrist": [12.5, 0.0], "m7": [0.0, 0.0]}, "0.5": {"w
 def test_a_move_is_a_file_of_samples() -> None:
     file = read_text(SIX)
     changes = move.onto(MOVE, file, Given("nod.move"))
-    assert changes.files == {"nod.csv": "time,wrist\n0,12.5\n0.48,-3.25\n"}
+    assert changes.files == {"nod.csv": "time,wrist\n0.0000,12.500\n0.4800,-3.250\n"}
     made = read_text(edited(file, changes.changes))
     assert made.motions["nod"].file == "nod.csv"
     assert "m7" in " ".join(changes.notes)
 
 
+def test_an_angle_at_the_limit_stays_within_it(tmp_path: Path) -> None:
+    """The table has thousandths of a degree; the limit of this joint has more places, and it can be played."""
+    path = tmp_path / "arm.toml"
+    path.write_text(SIX.replace('["-70deg", "100deg"]', '["-70.0004deg", "89.8826deg"]'))
+    data = positions(**{"0": {"wrist": [-70.0004, 0.0]}, "1": {"wrist": [89.8826, 0.0]}})
+    file = read_file(path)
+    changes = move.onto(data, file, Given("nod.move"))
+    (tmp_path / "nod.csv").write_text(changes.files["nod.csv"])
+    motion = motion_of(read_text(edited(file, changes.changes), path), "nod")
+    low, high = file.joints["wrist"].range
+    assert all(low <= angle <= high for angle in motion.poses["wrist"])
+    past = positions(**{"0": {"wrist": [-70.002, 0.0]}, "1": {"wrist": [0.0, 0.0]}})
+    with pytest.raises(FormatError, match="outside its limits"):
+        move.onto(past, file, Given("nod.move"))
+
+
 def test_times_are_put_in_order() -> None:
     data = positions(**{"10.0": {"wrist": [1.0, 0]}, "9.5": {"wrist": [2.0, 0]}})
     changes = move.onto(data, read_text(SIX), Given("nod.move"))
-    assert changes.files["nod.csv"] == "time,wrist\n0,2\n0.5,1\n"
+    assert changes.files["nod.csv"] == "time,wrist\n0.0000,2.000\n0.5000,1.000\n"
 
 
 @pytest.mark.parametrize(
@@ -121,8 +139,9 @@ def test_times_are_put_in_order() -> None:
         (b'{"positions": {"0": {"wrist": []}}}', "position in degrees"),
         (positions(**{"0": {"wrist": [0.0]}, "1": {"grip": [0.0]}}), "other motors"),
         (positions(**{"0": {"wrist": [0.0]}, "0.0": {"wrist": [1.0]}}), "two of its samples"),
-        (positions(**{"0": {"wrist": [120.0, 0.0]}}), "outside its limits"),
-        (positions(**{"0": {"m1": [0.0, 0.0]}}), "--joint"),
+        (positions(**{"0": {"wrist": [120.0, 0.0]}, "1": {"wrist": [0.0, 0.0]}}), "outside its limits"),
+        (positions(**{"0": {"m1": [0.0, 0.0]}, "1": {"m1": [0.0, 0.0]}}), "--joint"),
+        (positions(**{"0": {"wrist": [0.0, 0.0]}}), "at least two"),
     ],
 )
 def test_a_wrong_move_is_refused(data: bytes, words: str) -> None:

@@ -9,40 +9,18 @@ those of docs/behaviours.md.
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, ClassVar, Protocol
 
-from servobus.core.framing import BITS_PER_BYTE, Corrupt, Packet
-from servobus.core.ids import BROADCAST
-from servobus.core.registers import Register
-from servobus.core.units import BaudDivisor
-from servobus.families.base import Answers, blocks
+from servobus.families.base import blocks
 from servobus.families.dynamixel.control import OVERLOAD_TIME, strained
-from servobus.families.dynamixel.places import TABLE, Address
+from servobus.families.dynamixel.firmware.answering import OK, AnsweringServo, address_of
+from servobus.families.dynamixel.places import TABLE
 from servobus.families.dynamixel.protocol import (
-    FRAMING,
-    Action,
-    BulkRead,
-    Code,
     DriveMode,
     Error,
-    Ping,
-    ReadData,
-    RegWrite,
-    Reset,
-    SyncRead,
-    SyncWrite,
-    WriteData,
-    parse_instruction,
 )
-from servobus.families.dynamixel.verbs import open_while_locked
-from servobus.virtual.device.options import ON_OFF, Limit, OneOf, Option, Span
-from servobus.virtual.device.servo import Replies, VirtualServo
-
-OK = Error(0)
-
-_parse = lru_cache(maxsize=16)(parse_instruction)
-"""All servos of a line hear the same SYNC_WRITE."""
+from servobus.virtual.device.options import Limit, OneOf, Option, Span
+from servobus.virtual.device.servo import VirtualServo
 
 FLICKER = 0.5
 """s; assumption: one on and off of a light that flickers."""
@@ -87,7 +65,7 @@ class Law(Protocol):
         """Whether the output stays if the shaft does."""
 
 
-class Dynamixel1Servo(VirtualServo):
+class Dynamixel1Servo(AnsweringServo):
     """Goal Position and the shaft while the torque is off: the manual does not say what becomes of the goal.
 
     ROBOTIS says that it follows the shaft that is turned by hand, so that nothing jumps when the torque is
@@ -102,33 +80,9 @@ class Dynamixel1Servo(VirtualServo):
     tick = 0.002
     """s; assumption: the manual gives no figure for the control loop."""
 
-    goal_torque = Option(
-        ON_OFF, practice=True, manual=False, decision="ED-31",
-        text="whether a write of Goal Position switches the torque on",
-    )  # fmt: skip
-    broadcast_ping = Option(
-        OneOf(("silent", "answered")), practice="silent", manual="silent", decision="ED-19",
-        text="whether a PING to id 254 is answered: by each servo in its turn, the lowest id first",
-    )  # fmt: skip
     goal_after_limp = Option(
         OneOf(("present", "kept")), practice="present", manual="present", decision="ED-35",
         text="what Goal Position becomes while the torque is off: where the shaft is, or it stays as it was",
-    )  # fmt: skip
-    goal_after_turn = Option(
-        OneOf(("present", "kept")), practice="present", manual="present", decision="ED-36",
-        text="what Goal Position becomes when endless turn ends: where the shaft is, or it stays as it was",
-    )  # fmt: skip
-    turn_goal = Option(
-        OneOf(("kept", "refused")), practice="kept", manual="kept", decision="ED-34",
-        text="what a goal is in endless turn: kept without motion, or refused with an angle limit error",
-    )  # fmt: skip
-    goal_outside = Option(
-        OneOf(("refused", "limited")), practice="refused", manual="refused", decision="ED-23",
-        text="what a goal outside the angle limits does, besides its error: nothing, or the nearest limit is the goal",
-    )  # fmt: skip
-    bad_checksum = Option(
-        OneOf(("answered", "silent")), practice="answered", manual="answered", decision="ED-20",
-        text="whether an instruction other than PING with a wrong checksum is answered with the checksum error",
     )  # fmt: skip
     overload_time = Option(
         Limit(), practice=OVERLOAD_TIME, manual=OVERLOAD_TIME, decision="ED-37",
@@ -141,16 +95,11 @@ class Dynamixel1Servo(VirtualServo):
     firmware_version = 8
     """As in the answer that 3-5-8 Example 6 prints."""
 
-    garbage_timeout = 0.1
-    """Longest pause between two bytes of a packet (appendix, Byte to Byte Time)."""
-
     law_registers: ClassVar[tuple[str, ...]] = ()
     """Registers that the law of control asks, beside `SETTINGS`, where the model has them."""
     law_options: ClassVar[tuple[str, ...]] = ()
     """Options that the law of control asks."""
 
-    _kept: tuple[int, bytes] | None = None
-    """The write that waits for ACTION: address and bytes."""
     _followed: int | None = None
     """Position that the goal followed last; None while the torque is on."""
     _flicker_until = -math.inf
@@ -163,21 +112,17 @@ class Dynamixel1Servo(VirtualServo):
     # Life
 
     def start(self) -> None:
-        self._rows_by_address = {
-            row.place.address: row for row in self.model.registers.values() if isinstance(row.place, Address)
-        }
-        self._reserved = [
-            row for row in self._rows_by_address.values() if row.name.startswith("reserved") and row.writable
-        ]
-        self._open = open_while_locked(self.model)
+        self.begin_to_hear()
         names = (*SETTINGS, *(name for name in self.law_registers if name in self.model.registers))
         rows = [self.row(name) for name in names]
-        spans = blocks(((_address(row), row.layout.size) for row in rows), gap=0, longest=len(self.memory.space(TABLE)))
+        spans = blocks(
+            ((address_of(row), row.layout.size) for row in rows), gap=0, longest=len(self.memory.space(TABLE))
+        )
         self._sources = [slice(start, start + size) for start, size in spans]
         """Bytes of the control table of which the settings are made."""
         self._fastest: int = self.row("moving_speed").limits[1]
         self._wheel = any(0 in pair.equal for pair in self.model.limit_pairs if pair.low == "min_position")
-        self._kept = self._followed = None
+        self._followed = None
         self._flicker_until = -math.inf
         self._units: float = 1 / self.row("present_position").decode(1)
         """Position units per rad."""
@@ -215,176 +160,12 @@ class Dynamixel1Servo(VirtualServo):
             on = True
         return "red" if on else "off"
 
-    def _listen(self) -> None:
-        """Receive to what id and baud rate say."""
-        self.id = self.get("id")
-        scale = self.row("baud_rate").scale
-        assert isinstance(scale, BaudDivisor)
-        self.baud = scale.exact(self.get("baud_rate"))
-
-    # Packets
-
-    def hear(self, event: Packet | Corrupt, now: float) -> Replies:
-        packet = event.packet if isinstance(event, Corrupt) else event
-        if packet.code == Code.SYNC_WRITE and packet.id != BROADCAST:
-            return []  # D-50
-        # The reply obeys the settings that the instruction found: old id, old level, old delay (ED-04, D-25).
-        id, answered, delay = self.id, self._answers(packet), self.return_delay
-        if isinstance(event, Corrupt):
-            answered = answered and packet.code != Code.PING and self.bad_checksum == "answered"  # 3-5-5, ED-20
-            error, data = Error.CHECKSUM, b""
-        else:
-            error, data = self._obey(packet)
-        if error:
-            self._alarm(error, now)
-        if packet.id == BROADCAST:
-            delay += self._turn(id, delay)
-        return [(delay, FRAMING.frame(Packet(id, error | self.alarms, data)))] if answered else []
-
-    @property
-    def return_delay(self) -> float:
-        """S that an answer waits, as Return Delay Time says."""
-        delay: float = self.row("return_delay_time").decode(self.get("return_delay_time"))
-        return delay
-
-    def _turn(self, id: int, delay: float) -> float:
-        """Give the time that an answer to a broadcast PING waits for those of lower ids (ED-19)."""
-        return id * (delay + self.answer_time.high + FRAMING.overhead * BITS_PER_BYTE / self.baud)
-
-    def _answers(self, packet: Packet) -> bool:
-        level = self.get("status_return_level")
-        if packet.id == BROADCAST:
-            return packet.code == Code.PING and self.broadcast_ping == "answered"  # ED-19
-        if packet.code == Code.PING:
-            return True
-        return level >= (Answers.READS if packet.code == Code.READ_DATA else Answers.EVERYTHING)
-
-    def _obey(self, packet: Packet) -> tuple[Error, bytes]:
-        """Carry out an instruction; give what went wrong, and the data to answer."""
-        try:
-            instruction = _parse(packet)
-        except ValueError:
-            return Error.INSTRUCTION, b""
-        match instruction:
-            case ReadData(_, address, length):
-                return self._read(address, length)
-            case WriteData(_, address, data):
-                return self._write(address, data), b""
-            case RegWrite(_, address, data):
-                return self._register(address, data), b""
-            case SyncWrite(address, _, parts):
-                return self._write_own(address, parts), b""
-            case Action():
-                return self._act(), b""
-            case Reset():
-                return self._reset(), b""
-            case Ping():
-                return OK, b""
-            case SyncRead() | BulkRead():
-                return Error.INSTRUCTION, b""  # ED-26
-
-    def _read(self, address: int, length: int) -> tuple[Error, bytes]:
-        self._sense()
-        table = self.memory.space(TABLE)
-        if address + length > len(table):
-            return Error.RANGE, b""  # ED-30
-        return OK, table[address : address + length]
-
-    def _write(self, address: int, data: bytes) -> Error:
-        error, allowed = self._checked(address, data)
-        if allowed is not None:
-            self._store(address, allowed)
-        return error
-
-    def _register(self, address: int, data: bytes) -> Error:
-        error, allowed = self._checked(address, data)  # D-45: what is wrong is said now, not at ACTION
-        if allowed is not None:
-            self._kept = address, allowed
-            self.put("registered_instruction", 1)
-        return error
-
-    def _act(self) -> Error:
-        if self._kept is None:
-            return Error.INSTRUCTION  # 3-3, bit 6
-        kept, self._kept = self._kept, None
-        self.put("registered_instruction", 0)
-        self._store(*kept)
-        return OK
-
-    def _write_own(self, address: int, parts: tuple[tuple[int, bytes], ...]) -> Error:
-        error = OK
-        for id, data in parts:
-            if id == self.id:
-                error |= self._write(address, data)
-        return error
-
-    def _reset(self) -> Error:
-        if self.get("lock"):
-            return Error.RANGE  # D-90
-        self.memory.factory_reset()
-        self.memory.power_on()
-        self.start()
-        return OK
-
-    # The control table
-
-    def _checked(self, address: int, data: bytes) -> tuple[Error, bytes | None]:
-        """Tell what is wrong with these bytes, and give those to be written; None if nothing is."""
-        error = self._refusal(address, data)
-        if error == Error.ANGLE_LIMIT and self.goal_outside == "limited":
-            row, image = self.row("goal_position"), bytearray(data)
-            at = _address(row) - address
-            low, high = self.goals
-            goal = max(low, min(row.layout.unpack(data[at : at + row.layout.size]), high))
-            image[at : at + row.layout.size] = row.layout.pack(goal)
-            return error, bytes(image)
-        return error, None if error else data
-
-    def _refusal(self, address: int, data: bytes) -> Error:
-        """Tell why these bytes may not be written; nothing of a packet is written if anything is wrong (D-32)."""
-        if self.get("lock") and not (address in self._open and address + len(data) - 1 in self._open):
-            return Error.RANGE  # ED-21
-        error, at = OK, 0
-        while at < len(data):
-            row = self._rows_by_address.get(address + at)
-            if row is None or not row.writable or at + row.layout.size > len(data):
-                return Error.RANGE  # no register, read-only, or half of one (ED-22, ED-24, ED-30)
-            error |= self._range_error(row, data[at : at + row.layout.size])
-            at += row.layout.size
-        return error
-
-    def _range_error(self, row: Register[int], data: bytes) -> Error:
-        raw = row.layout.unpack(data)
-        if not row.accepts(raw):
-            return Error.RANGE
-        if row.name == "moving_speed" and data[1] >> 2 and not self.endless:
-            return Error.RANGE  # a direction bit counts in endless turn only (ED-14)
-        low, high = self.goals
-        if row.name == "goal_position" and not low <= raw <= high:
-            return OK if self.endless and self.turn_goal == "kept" else Error.ANGLE_LIMIT  # ED-23, ED-34
-        return OK
-
-    def _store(self, address: int, data: bytes) -> None:
-        """Write bytes that were checked, and do what follows from the new values."""
-        was_endless = self.endless
-        self.memory.write(TABLE, address, data)
-        for row in self._reserved:
-            if self.memory[row]:
-                self.memory[row] = 0  # ED-22: accepted, without effect
-        self._listen()
-        if not self.get("registered_instruction"):
-            self._kept = None  # ED-16
-        if was_endless and not self.endless and self.goal_after_turn == "present":
-            self.put("goal_position", self.present)  # D-78
-        rows = [self._rows_by_address.get(at) for at in range(address, address + len(data))]
-        written = {row.name for row in rows if row}
-        if "goal_position" in written and self.goal_torque:
-            self.put("torque_enable", 1)
-        if written & {"torque_enable", "torque_limit"}:
+    def _written(self, names: set[str], *, turned: bool) -> None:
+        if names & {"torque_enable", "torque_limit"}:
             self._overloaded, self._strained = False, 0
-        if written & {"torque_enable", "torque_limit", "goal_position"} or was_endless != self.endless:
+        if names & {"torque_enable", "torque_limit", "goal_position"} or turned != self.endless:
             self._moving, self._stood = True, 0
-        self._follow_shaft(keep_goal="goal_position" in written)
+        self._follow_shaft(keep_goal="goal_position" in names)
 
     def _sense(self) -> None:
         """Bring the registers that are measured up to date."""
@@ -594,8 +375,3 @@ class Dynamixel1Servo(VirtualServo):
             self._followed = self.present
             if not keep_goal and self.goal_after_limp == "present":
                 self.put("goal_position", self.present)
-
-
-def _address(row: Register[int]) -> int:
-    assert isinstance(row.place, Address)
-    return row.place.address
