@@ -1,6 +1,6 @@
 """What goes wrong under a robot in motion, by what it is doing: nothing moves afterwards, and the joint is named.
 
-What must happen stands as a table in docs/robot.md. Time is virtual.
+What must happen stands as a table in docs/motion.md. Time is virtual.
 """
 
 from collections.abc import Callable, Iterator
