@@ -3,8 +3,8 @@
     python -m bench.play [--seconds N] [--rate HZ] [--servos N]
 
 Virtual RX-28 at 1 Mbit/s are served by a program of their own. Both loops run in the same process by the same schedule,
-in turns of a second; a moment is late by as much as it comes after its place on the grid of its turn. The bare loop says
-what the machine allows: compare the columns, not the figures of two machines.
+in turns of a second; a moment is late by as much as it comes after its place on the grid of its turn. The bare loop
+says what the machine allows: compare the lines, not the figures of two machines.
 """
 
 import argparse
@@ -39,7 +39,7 @@ def main(arguments: list[str] | None = None) -> None:
         port = server.hear().split()[-1]
         with servobus.robot(read_text(_robot_file(port, args.servos))) as arm, arm.torque():
             for _ in range(max(1, round(args.seconds / SLICE))):
-                late["bare loop"] += _late(_bare(arm, args.rate), args.rate)
+                late["bare loop"] += _late(_bare(args.rate), args.rate)
                 late["play"] += _late(_played(arm, args.rate), args.rate)
     print(f"{args.rate:g} goals a second to {args.servos} RX-28 at {BAUD} bit/s: ms after their time")
     print(f"{'':>12}" + "".join(f"{f'{share} %':>10}" for share in SHARES) + f"{'turns':>10}{'left out':>10}")
@@ -65,7 +65,7 @@ def _late(moments: Iterator[float], rate: float) -> list[float]:
     return [place - first for place in places]
 
 
-def _bare(arm: Robot, rate: float) -> Iterator[float]:
+def _bare(rate: float) -> Iterator[float]:
     """Do nothing but wait for the next turn, as any loop has to."""
     began = time.monotonic()
     for turn in itertools.count():
@@ -79,8 +79,7 @@ def _bare(arm: Robot, rate: float) -> Iterator[float]:
 
 def _played(arm: Robot, rate: float) -> Iterator[float]:
     """Give the moments at which `play` begins to send goals."""
-    names = list(arm.joints)
-    swing = Motion((0.0, SLICE / 2, SLICE), {name: (0.0, 5 * deg, 0.0) for name in names})
+    swing = Motion((0.0, SLICE / 2, SLICE), dict.fromkeys(arm.joints, (0.0, 5 * deg, 0.0)))
     play = arm.play(swing, rate=rate)
     moments: list[float] = []
     send: Callable[[], object] = play.step
