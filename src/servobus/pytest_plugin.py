@@ -2,12 +2,15 @@
 
     virtual_bus     makes an open `Bus` of virtual servos, on a virtual clock
     virtual_port    makes a port that any program can open: a pseudo terminal, or a TCP port
+    virtual_robot   makes an open `Robot` from a robot file, its servos virtual ones on a virtual clock
+    served_robot    makes the ports of a robot file for any program, and a robot file that names them
 
-Both close behind the test what they made for it. Nothing of servobus's virtual servos is imported before that.
+All close behind the test what they made for it. Nothing of servobus's virtual servos is imported before that.
 """
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from os import PathLike, fspath
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
@@ -15,6 +18,8 @@ import pytest
 
 if TYPE_CHECKING:
     from servobus.bus.blocking import Bus
+    from servobus.robots.blocking import Robot
+    from servobus.robots.served import ServedRobot
     from servobus.virtual.serve.background import ServedPort
     from servobus.virtual.wire.faults import Faults
 
@@ -60,6 +65,42 @@ def virtual_port() -> "Iterator[Callable[..., ServedPort]]":
             servos: str, *, tcp: bool = False, faults: "Faults | str | None" = None, **options: object
         ) -> "ServedPort":
             return stack.enter_context(serve(_url(servos, options), tcp=tcp, faults=faults))
+
+        yield make
+
+
+@pytest.fixture
+def virtual_robot() -> "Iterator[Callable[..., Robot]]":
+    """Make robots of virtual servos from robot files: `virtual_robot("arm.toml", pose="home")`.
+
+    Other keywords are `faults` and the options of a virtual port, as with `virtual_bus`. The servos stand where the
+    robot rests, or in the pose that is named.
+    """
+    from servobus.robots.opening import robot  # noqa: PLC0415
+
+    with ExitStack() as stack:
+
+        def make(file: "str | PathLike[str]", **options: object) -> "Robot":
+            return stack.enter_context(robot(_url(fspath(file), {"clock": "virtual"} | options)))
+
+        yield make
+
+
+@pytest.fixture
+def served_robot() -> "Iterator[Callable[..., ServedRobot]]":
+    """Serve the servos of a robot file to other programs: `served_robot("arm.toml")`.
+
+    `.path` is a robot file that names the ports served, `.ports["left"]` such a port with a handle to what is behind
+    it, and `.servos["shoulder"]` the servos of a joint. Keywords are `tcp=True` and the options of a virtual port.
+    """
+    from servobus.robots.file.reading import read_file  # noqa: PLC0415
+    from servobus.robots.served import serve_robot  # noqa: PLC0415
+
+    with ExitStack() as stack:
+
+        def make(file: "str | PathLike[str]", *, tcp: bool = False, **options: object) -> "ServedRobot":
+            contents = read_file(_url(fspath(file), options))
+            return stack.enter_context(serve_robot(contents, tcp=("127.0.0.1", 0) if tcp else None))
 
         yield make
 

@@ -4,6 +4,9 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
+import pytest
+
+import extent
 from samples import answer_levels, can_be_silenced
 from servobus import MODELS, Bus
 from servobus.bus.asyncio import AsyncBus
@@ -70,6 +73,9 @@ class Lossy(Transport):
 
 
 SYNC, ASYNC = "sync", "async"
+DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
+CHOSEN_DRIVERS = pytest.mark.parametrize("driver", extent.some([SYNC, ASYNC], 1))
+"""For jobs that are done dozens of times in a test: what carries them out is the same each time."""
 Job = Callable[[Any], Any]
 
 

@@ -35,8 +35,9 @@ def snippets(page: Path) -> list[tuple[int, str]]:
     [
         DOCS / "python.md",
         DOCS / "virtual.md",
-        DOCS / "motion.md",
         DOCS / "diagnosing.md",
+        DOCS / "calibrating.md",
+        DOCS / "motion.md",
         DOCS / "architecture.md",
         ROOT / "README.md",
     ],

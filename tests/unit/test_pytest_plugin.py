@@ -100,6 +100,53 @@ def test_nothing_is_left_running():
     assert threading.active_count() == 1
 """
 
+ROBOTS = """
+import pytest
+import servobus
+from servobus import deg
+
+ARM = '''
+[robot]
+format = 1
+[port.left]
+path = "/dev/ttyUSB0"
+[port.right]
+path = "/dev/ttyUSB1"
+[joint.shoulder]
+port = "left"
+model = "rx28"
+id = 1
+zero = "150deg"
+[joint.elbow]
+port = "right"
+model = "lx16a"
+id = 1
+zero = "120deg"
+[pose.up]
+shoulder = "30deg"
+'''
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "arm.toml"
+    path.write_text(ARM)
+    return path
+
+def test_a_robot(virtual_robot, file):
+    arm = virtual_robot(file, pose="up", voltage=7)
+    assert arm.positions()["shoulder"] == pytest.approx(30 * deg, abs=0.01)
+    with arm.torque():
+        arm.move(shoulder=0, elbow=20 * deg, time=1).wait()
+
+def test_a_served_robot(served_robot, file):
+    served = served_robot(file)
+    with servobus.robot(served.path) as arm:
+        served.servos["elbow"][0].turn(150 * deg)
+        assert arm.positions()["elbow"] == pytest.approx(30 * deg, abs=0.01)
+        served.ports["right"].unplug()
+        assert list(arm.positions().lost) == ["elbow"]
+"""
+
 LAZY = """
 import sys
 
@@ -127,6 +174,7 @@ def run(folder: Path, tests: str, *plugin: str, path: Path | None = None) -> str
     [
         pytest.param(BUSES, 5, id="buses"),
         pytest.param(PORTS, 6, id="ports", marks=pytest.mark.skipif(os.name != "posix", reason="pseudo terminals")),
+        pytest.param(ROBOTS, 2, id="robots", marks=pytest.mark.skipif(os.name != "posix", reason="pseudo terminals")),
         pytest.param(LAZY, 1, id="lazy"),
     ],
 )

@@ -64,6 +64,7 @@ EXAMPLES = (
     "servobus virtual rx28@1-4 --load mass=0.2,length=0.1 --show",
     "servobus virtual rx28@1-4,goal_torque=off,lx16a@7 --as practice",
     "servobus virtual rx28@1-4 --faults seed=7,drop=0.01,stall=0.001:120ms",
+    "servobus virtual arm.toml --pty /tmp/arm",
     "",
     "and then, in another terminal:",
     "servobus scan /tmp/arm",
@@ -130,6 +131,9 @@ def virtual(
     SPEC is MODEL@IDS, such as rx28@1-4,7; `servobus models` lists the models. Servos of several families get
     a wire each, behind one port. Prints `ready PATH` once they answer. Ctrl-C switches them off.
 
+    A robot file in place of SPEC gives its servos, with their loads, each of its ports on a terminal of its own: --pty
+    DIR makes links DIR/PORT, and DIR/FILE, a robot file that names them. Prints `ready PORT PATH` for each.
+
     What real servos do in different ways is an option, for the servos in front of it: rx28@1-4,goal_torque=off. So is
     what a register of the EEPROM holds: rx28@1,ccw_angle_limit=0xFFFF.
 
@@ -143,13 +147,20 @@ def virtual(
     if isinstance(baud, str):
         raise click.UsageError("--baud: servos have one speed, not all")
     text = ",".join(specs)
+    address = _host_and_port(tcp) if tcp else None
+    if len(specs) == 1 and specs[0].partition("?")[0].endswith(".toml"):
+        from servobus.cli.virtual_robot import serve  # noqa: PLC0415 - only robots need what they are made of
+
+        if show or baud is not None:
+            raise click.UsageError("--show and --baud are for servos that are named one by one, not for a robot file")
+        serve(specs[0], pty, address, stop_on_signals(), surroundings)
+        return
     if "?" in text:
         raise click.UsageError(
             REAL_CLOCK if "clock=virtual" in text else "what stands behind ? in a port's name is an option here"
         )
     servos = parse_specs(text)
     setup = Setup(servos, baud=baud, **surroundings)
-    address = _host_and_port(tcp) if tcp else None
     stop = stop_on_signals()
     rig = build_rig(setup)
     _note_duplicate_ids(servos)

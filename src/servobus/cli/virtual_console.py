@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Protocol
 
 from servobus.cli.output import note
 from servobus.cli.virtual_options import options_text
@@ -89,17 +89,17 @@ class VirtualConsole:
             case "options", [which, *words]:
                 return self._options(self._find(which, now), words)
             case "turn", [which, angle]:
-                position = _number(angle, "rad")
+                position = number(angle, "rad")
                 for servo in (found := self._find(which, now)):
                     servo.turn_shaft(position)
                 return f"{_names(found)}: at {show(position, 'rad')}"
             case "voltage", [volts]:
-                supply = check_voltage(_number(volts, "V"))
+                supply = check_voltage(number(volts, "V"))
                 for servo in (found := self._find("all", now)):
                     servo.voltage = supply
                 return f"{_names(found)}: supply {show(supply, 'V')}"
             case "temperature", [which, celsius]:
-                heat = check_temperature(_number(celsius, "degC"))
+                heat = check_temperature(number(celsius, "degC"))
                 for servo in (found := self._find(which, now)):
                     servo.temperature = heat
                 return f"{_names(found)}: {show(heat, 'degC')}"
@@ -186,7 +186,8 @@ def _names(servos: list[VirtualServo]) -> str:
     return ", ".join(f"{servo.model.title} id {servo.id}" for servo in servos)
 
 
-def _number(text: str, unit: str) -> float:
+def number(text: str, unit: str) -> float:
+    """Read a number that was typed. Raises BadValue."""
     try:
         return parse(text, unit)
     except ValueError as error:
@@ -196,8 +197,14 @@ def _number(text: str, unit: str) -> float:
 # Standard input
 
 
+class Console(Protocol):
+    """Carries out lines that are typed."""
+
+    def execute(self, line: str) -> None: ...
+
+
 def read_commands(
-    console: VirtualConsole, stop: threading.Event, typed: Callable[[], None] | None = None
+    console: Console, stop: threading.Event, typed: Callable[[], None] | None = None
 ) -> threading.Thread | None:
     """Let a thread take the lines of standard input until it ends, or until `stop`; None if there is none.
 

@@ -18,7 +18,7 @@ from servobus.link.waits import Waits
 def fenced(
     exchange: Exchange[Any],
     reply: ReplyPattern,
-    fences: Sequence[Exchange[Any]],
+    fences: Callable[[], Sequence[Exchange[Any]]],
     log: ReplyLog,
     ask: Callable[[Exchange[Any]], Waits[Any]],
     listen: Callable[[float, Callable[[], bool]], Waits[None]],
@@ -26,7 +26,7 @@ def fenced(
 ) -> Waits[BusError | None]:
     """Make sure that no late reply can be taken for this one. Gives why that could not be; None if it is sure.
 
-    fences  questions to the servo that could serve; the first is one that every servo answers. None for a broadcast
+    fences  makes questions to the servo that could serve, none for a broadcast; every servo answers the first one
     ask     asks one of them, and gives its result or the BusError that came of it
     listen  takes note of what comes until a time, s, or until something is so
     """
@@ -41,7 +41,7 @@ def fenced(
 def _in_order(
     exchange: Exchange[Any],
     reply: ReplyPattern,
-    fences: Sequence[Exchange[Any]],
+    fences: Callable[[], Sequence[Exchange[Any]]],
     log: ReplyLog,
     ask: Callable[[Exchange[Any]], Waits[Any]],
     now: Callable[[], float],
@@ -52,7 +52,7 @@ def _in_order(
     confusable = late.confusable(exchange, reply)
     if not confusable:
         return None
-    strict = [fence.strict() for fence in fences]  # what looks like a refusal of a fence may be an older reply
+    strict = [fence.strict() for fence in fences()]  # what looks like a refusal of a fence may be an older reply
     reply_margin = latency.reply_margin
     for fence in strict:
         if late.ambiguous(fence, confusable):

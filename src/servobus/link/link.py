@@ -520,7 +520,7 @@ class Link:
         for n, (exchange, reply) in enumerate(asked):
             id = exchange.id if reply is None or reply.id is None else reply.id
             error: BusError | None = self.log.second_replies.pop((exchange.framing, id), None)
-            if error is None and reply is not None and not fence and self.log.late_replies:
+            if error is None and reply is not None and not fence:
                 error = yield from self._fenced(exchange, reply, id)
             if error is not None:
                 refused[n] = error
@@ -563,7 +563,8 @@ class Link:
         self.state = CAREFUL
 
     def _fenced(self, exchange: Exchange[Any], reply: ReplyPattern, id: int) -> Waits[BusError | None]:
-        fences = self._fences(exchange.framing, id) if id != BROADCAST else ()
+        def fences() -> Sequence[Exchange[Any]]:
+            return self._fences(exchange.framing, id) if id != BROADCAST else ()
 
         def ask(fence: Exchange[Any]) -> Waits[Any]:
             return self._asking.once(fence, fence=True)

@@ -12,6 +12,7 @@ file for each port, such as `arm.left.json`.
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from typing import Any
 from urllib.parse import parse_qsl
 
 from servobus.core.values import frozen
@@ -56,8 +57,11 @@ def virtual_ports(file: RobotFile) -> dict[str, VirtualPort]:
     }
 
 
-def build_robot(file: RobotFile) -> VirtualRobot:
-    """Make the servos of a robot file, at time 0, and hang them on each other. Raises UsageError or BadValue."""
+def build_robot(file: RobotFile, said: Mapping[str, Any] | None = None) -> VirtualRobot:
+    """Make the servos of a robot file, at time 0, and hang them on each other.
+
+    `said` is what surrounds them, as fields of `Setup`, beside the options of the file. Raises UsageError or BadValue.
+    """
     name = f"virtual:{file.name}"
     if not file.joints:
         raise UsageError(f"{name}: the file names no joints; write [joint.NAME] with port, model and id")
@@ -69,6 +73,7 @@ def build_robot(file: RobotFile) -> VirtualRobot:
         for servo in joint.servos
     ]
     setup = setup_of([group for *_, group in places], [pair for pair in pairs if pair[0] != "pose"], name)
+    setup = replace(setup, **(said or {}))
     rigs: dict[str, Rig] = {}
     servos: dict[str, dict[ServoEntry, VirtualServo]] = {joint: {} for joint in file.joints}
     with ExitStack() as stack:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from samples import every_model
+from samples import every_model, sample_models
 from servobus import MODELS
 from unit.cli.conftest import Run
 
@@ -27,7 +27,7 @@ def test_set_baud(load: Callable[..., Any], refused: Callable[..., str]) -> None
     assert "-5 is not a speed in baud: give a whole number" in refused("set-baud", port, 1, -5)
 
 
-@every_model
+@sample_models
 def test_backup_and_restore(load: Callable[..., Any], refused: Callable[..., str], key: str) -> None:
     port = f"virtual:{key}@1,2?clock=virtual&state=state.json"
     saved = load("backup", port, 1, "a.toml", "--model", key)
@@ -68,7 +68,7 @@ def test_turn(load: Callable[..., Any], key: str, option: tuple[Any, ...], told:
     }  # fmt: skip
 
 
-@every_model
+@sample_models
 def test_torque(load: Callable[..., Any], run: Run, key: str) -> None:
     port = f"virtual:{key}@1,2?clock=virtual"
     family = MODELS[key].family.name

@@ -139,6 +139,18 @@ def test_an_angle_is_typed(run: Run, arm: Path) -> None:
     assert read_file(arm).joints["shoulder"].axis.to_joint(2.6179939) == pytest.approx(0.5235988, abs=1e-4)
 
 
+def test_the_offset_of_a_servo_is_kept_in_the_file(run: Run, arm: Path) -> None:
+    text = FILE.replace("virtual:rx28@1,2?clock=virtual", "virtual:lx16a@1,2?clock=virtual&state=lx.json")
+    arm.write_text(text.replace('"rx28"', '"lx16a"'))
+    port = "virtual:lx16a@1,2?clock=virtual&state=lx.json"
+    run("write", port, 1, "angle_offset=-12deg", "--save", "--model", "lx16a")
+    Path("hand.txt").write_text(HAND.replace("=240", "=220"))
+    run("robot", "calibrate", "arm.toml", "shoulder", "--yes", "--no-test", "--script", "hand.txt")
+    # By its manual an LX-16A counts the offset in steps of 0.24°.
+    assert read_file(arm).joints["shoulder"].registers == {"angle_offset": -50}
+    assert "nothing to write" in run("robot", "plan", "arm.toml").stdout
+
+
 def test_torque_goes_off_after_a_question(run: Run, arm: Path, servos: list[VirtualServo]) -> None:
     shown = script("press n")
     Path(shown).write_text("press n\n")
@@ -151,6 +163,18 @@ def test_torque_goes_off_after_a_question(run: Run, arm: Path, servos: list[Virt
         Path(shown).write_text("press y\n" + HAND)
         run("robot", "calibrate", "arm.toml", "shoulder", "--dry-run", "--script", shown)
         assert not servos[0].torque
+
+
+def test_of_a_pair_both_servos_go_limp(run: Run, arm: Path, servos: list[VirtualServo]) -> None:
+    arm.write_text(FILE[: FILE.index("[joint.elbow]")] + "[joint.shoulder.mirror]\nid = 2\nzero = '300deg'\n")
+    Path("hand.txt").write_text("press y\nwait 0.1\n")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "servobus.cli.robots.calibrate._check_there", lambda arm, _: arm["shoulder"].parts[1].servo.torque_on()
+        )
+        result = run("robot", "calibrate", "arm.toml", "shoulder", "--script", "hand.txt", code=1)
+    assert "hold the arm: shoulder go limp" in result.stderr
+    assert not servos[1].torque
 
 
 def test_a_pose_outside_of_the_new_limits_is_told_and_nothing_is_lost(run: Run, arm: Path) -> None:
@@ -209,7 +233,7 @@ def test_ctrl_c_in_a_test_move_stops_the_joint(
     broken_at(monkeypatch, "hold SPACE", moving)
     lines = ("press y", "hold space 5")
     run("robot", "calibrate", "arm.toml", "shoulder", "--yes", "--script", script(*lines), code=130)
-    assert positions[-1] < positions[0] - 0.03
+    assert positions[-1] < positions[0] - 0.01
     assert not servos[0].torque
     assert servos[0].position == pytest.approx(positions[-1], abs=0.02)
     assert read_file(arm).joints["shoulder"].direction == -1

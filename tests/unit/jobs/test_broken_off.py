@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+import extent
 from samples import (
     can_change_baud,
     can_reset,
@@ -15,9 +16,8 @@ from samples import (
     turning,
 )
 from servobus import MODELS, RX28, BusError, NoReply, PortLost, ServobusError, deg
-from unit.lossy import ASYNC, SYNC, Bench
+from unit.lossy import CHOSEN_DRIVERS, DRIVERS, SYNC, Bench
 
-DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
 LOW, HIGH = 68, 955
 """19.9 and 280.1 degrees, by the scale of manual 3-4-2."""
 
@@ -79,7 +79,7 @@ def test_N23_turn_that_breaks_off_tells_the_limits(driver: str, how: str) -> Non
     assert told > count / 2
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @sample_models
 def test_N23_an_id_that_may_have_changed_is_told(key: str, driver: str) -> None:
     """The line goes at each packet: the servo has one of two ids, and the error names the old one."""
@@ -126,7 +126,7 @@ def test_N23_a_speed_that_may_have_changed_is_told(key: str) -> None:
     assert seen
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @models_that(can_reset)
 def test_N23_a_reset_that_breaks_off_has_the_settings_in_its_error(key: str, driver: str) -> None:
     model = MODELS[key]
@@ -135,7 +135,7 @@ def test_N23_a_reset_that_breaks_off_has_the_settings_in_its_error(key: str, dri
     bench.line.lose()
     bench.do(lambda servo: servo.reset())
     seen = 0
-    for number in range(2, len(bench.line.requests) + 1):
+    for number in extent.spread(range(2, len(bench.line.requests) + 1), 12):
         bench = Bench(key, driver)
         bench.real.memory.store(hot, 55)
         cut_from(bench, number)

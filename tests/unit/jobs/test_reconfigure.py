@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+import extent
 import servobus
 from samples import (
     answer_levels,
@@ -22,9 +23,7 @@ from samples import (
 )
 from servobus import DRS0602, MODELS, RX28, BadValue, Bus, BusError, NoReply, UsageError
 from servobus.families.base import Answers, Model
-from unit.lossy import ASYNC, SYNC, Bench, Job, Lossy
-
-DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
+from unit.lossy import CHOSEN_DRIVERS, DRIVERS, SYNC, Bench, Job, Lossy
 
 
 def kinds_that(can: Callable[[type[Model]], bool]) -> pytest.MarkDecorator:
@@ -43,14 +42,17 @@ def other(key: str) -> int:
 
 
 def lose_each(make: Callable[[], Bench], job: Job, check: Callable[[Bench], None]) -> None:
-    """Do a job once undisturbed, then once for each request and each reply of it that can be lost."""
+    """Do a job once undisturbed, then once for each request and each reply of it that can be lost.
+
+    Of a job of many packets, without `--all`, some are lost that are spread over it.
+    """
     bench = make()
     bench.line.lose()
     bench.do(job)
     check(bench)
     count = len(bench.line.requests)
     assert count >= 3
-    for number in range(1, count + 1):
+    for number in extent.spread(range(1, count + 1), 12):
         for lost in ({"request": number}, {"reply": number}):
             bench = make()
             bench.line.lose(**lost)
@@ -59,7 +61,7 @@ def lose_each(make: Callable[[], Bench], job: Job, check: Callable[[Bench], None
             check(bench)
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @kinds_that(lambda _: True)
 def test_an_id_changes_whatever_single_packet_is_lost(key: str, answers: Answers, driver: str) -> None:
     def check(bench: Bench) -> None:
@@ -70,7 +72,7 @@ def test_an_id_changes_whatever_single_packet_is_lost(key: str, answers: Answers
     lose_each(lambda: Bench(key, driver, answers), lambda servo: servo.change_id(7), check)
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @kinds_that(can_change_baud)
 def test_a_speed_changes_whatever_single_packet_is_lost(key: str, answers: Answers, driver: str) -> None:
     def check(bench: Bench) -> None:
@@ -80,7 +82,7 @@ def test_a_speed_changes_whatever_single_packet_is_lost(key: str, answers: Answe
     lose_each(lambda: Bench(key, driver, answers), lambda servo: servo.change_baud(other(key)), check)
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @kinds_that(can_reset)
 def test_a_reset_happens_whatever_single_packet_is_lost(key: str, answers: Answers, driver: str) -> None:
     first_id = MODELS[key].register("id").default

@@ -6,13 +6,12 @@ from typing import Any
 
 import pytest
 
+import extent
 from samples import SAMPLE_KEYS, one_model_of_each_family, sample_models, turning, widest_range
 from servobus import DRS0602, LX16A, MODELS, RX28, Backup, NoReply, NotRestored, UsageError
 from servobus.families.base import Model
 from servobus.jobs.backup import settings
-from unit.lossy import ASYNC, SYNC, Bench
-
-DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
+from unit.lossy import CHOSEN_DRIVERS, DRIVERS, SYNC, Bench
 
 
 def edited(saved: Backup, values: Mapping[str, int]) -> Backup:
@@ -213,17 +212,17 @@ def test_T4_a_value_that_the_servo_does_not_take_is_named_and_the_rest_is_restor
     assert (bench.stored(low.name), bench.stored(high.name)) == (changes[low.name], changes[high.name])
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @sample_models
 def test_T4_a_restore_that_breaks_off_is_taken_up_again(key: str, driver: str) -> None:
-    """The line goes at each packet in turn; the same call once more makes it whole."""
+    """The line goes at each packet in turn, without `--all` at some; the same call once more makes it whole."""
     bench = Bench(key, driver)
     model = MODELS[key]
     hot, low = model.register("max_temperature"), model.register("min_position")
     backup = edited(saved(bench), {hot.name: hot.limits[0] + 5, low.name: (low.default or 0) + 30})
     bench.line.lose()
     assert set(bench.do(lambda servo: servo.restore(backup))) == {hot.name, low.name}
-    for number in range(1, len(bench.line.requests) + 1):
+    for number in extent.spread(range(1, len(bench.line.requests) + 1), 12):
         bench = Bench(key, driver)
         left = number
 

@@ -15,9 +15,12 @@ from servobus.cli.output import note
 from servobus.cli.robots.person import ENTER, SPACE, AtTerminal, Person, Script, angle_text
 from servobus.cli.robots.settings import file_argument
 from servobus.cli.values import ANGLE, split_assignment
+from servobus.core.exchange import Procedure, SetBaud
+from servobus.core.registers import Register
 from servobus.core.units import deg, parse, show
 from servobus.errors import RobotFileError, RobotMismatch
 from servobus.robots import jobs
+from servobus.robots.applying import on
 from servobus.robots.blocking import Robot, RobotJoint
 from servobus.robots.calibration import Calibration
 from servobus.robots.file.entries import RobotFile
@@ -26,7 +29,7 @@ from servobus.robots.file.writing import edited, save
 from servobus.robots.file.writing import undo as undo_file
 from servobus.robots.held_key import HeldKey
 from servobus.robots.joint import Part
-from servobus.robots.joint_calibration import MARGIN, Key, Step
+from servobus.robots.joint_calibration import MARGIN, Key, Step, key_of
 from servobus.robots.values import check_joint
 
 if TYPE_CHECKING:
@@ -38,6 +41,8 @@ SILENT = 3.0
 """s for which a joint that is dealt with may not answer."""
 TEST, TEST_SPEED = 10 * deg, 5 * deg
 """How far a test move goes, and how fast: slow enough that whoever lets the key go stops it within some degrees."""
+AHEAD = 1 * deg
+"""How far the goal of a test move is ahead of where the joint should be: so far it goes if the program is killed."""
 
 
 @verb(
@@ -90,12 +95,14 @@ def calibrate(
         person: Person = Script(arm, script) if script is not None else AtTerminal(arm)
         flow = Calibration(contents, names, poses, room)
         try:
+            offsets = _offsets(arm, names)
             _go_limp(arm, names, person)
             _run(arm, flow, person)
         except (KeyboardInterrupt, ServobusError):
             note(f"{file} is as it was, and the servos hold what they held; the joints may be limp")
             raise
-        written = _write(contents, flow, person, dry_run=dry_run, yes=yes)
+        changes = flow.changes() | _offsets_kept(flow, offsets)
+        written = _write(contents, flow, changes, person, dry_run=dry_run, yes=yes)
         if written is not None and not no_test:
             moved = Robot(written, arm.buses)
             for result in flow.results():
@@ -126,13 +133,17 @@ def _check_there(arm: Robot, names: Sequence[str]) -> None:
 
 def _go_limp(arm: Robot, names: Sequence[str], person: Person) -> None:
     """Switch the torque of these joints off, after the person has the arm in hand."""
-    states = arm.look()
-    driven = [name for name in names if name in states and states[name].torque]
+    driven = [name for name in names if any(arm.do(on(part.port, _torque(part))) for part in arm[name].parts)]
     if not driven:
         return
     if not person.yes(f"hold the arm: {', '.join(driven)} go limp. Go on?"):
         raise ServobusError("nothing was changed")
     arm.do(jobs.torque_off([arm[name] for name in driven]))
+
+
+def _torque(part: Part) -> Procedure[bool]:
+    yield SetBaud(part.servo.baud)
+    return (yield from part.servo.family.read_torque(part.servo.target)).on
 
 
 # The flow
@@ -203,15 +214,53 @@ def _table(flow: Calibration) -> "RenderableType":
             f"{low}, {high}",
             style=style,
         )
-    return Group(table, Text(flow.message, style="dim"), Text(flow.prompt, style="bold"))
+    keys = "r: this joint anew   a: another angle for the pose   Ctrl-C: end, nothing is written"
+    return Group(table, Text(flow.message, style="dim"), Text(flow.prompt, style="bold"), Text(keys, style="dim"))
 
 
 # The file
 
 
-def _write(file: RobotFile, flow: Calibration, person: Person, *, dry_run: bool, yes: bool) -> RobotFile | None:
+def _offsets(arm: Robot, names: Sequence[str]) -> dict[Key, tuple[str, int]]:
+    """Read the offsets that servos have of their own: servo -> name of the register and raw value. None is changed."""
+    found = {}
+    for part in (part for name in names for part in arm[name].parts):
+        row = part.servo.model.optional("calibration")
+        if row is not None:
+            found[_key(part)] = row.name, arm.do(on(part.port, _raw(part, row)))
+    return found
+
+
+def _raw(part: Part, row: Register[Any]) -> Procedure[int]:
+    yield SetBaud(part.servo.baud)
+    (raw,) = yield from part.servo.family.read(part.servo.target, [row])
+    return raw
+
+
+def _offsets_kept(flow: Calibration, offsets: Mapping[Key, tuple[str, int]]) -> dict[tuple[str, ...], Any]:
+    """Give what the file is to say of offsets: the zeros were found with them, and a new servo must get them.
+
+    Two servos on one axis have one table of registers, in which their offsets have no place.
+    """
+    kept: dict[tuple[str, ...], Any] = {}
+    for result in flow.results():
+        name, raw = offsets.get(key_of(result.servos[0]), ("", 0))
+        said = name in flow.file.joints[result.joint].registers
+        if len(result.servos) == 1 and (raw or said):
+            kept["joint", result.joint, "registers", name] = raw
+    return kept
+
+
+def _write(
+    file: RobotFile,
+    flow: Calibration,
+    changes: Mapping[tuple[str, ...], Any],
+    person: Person,
+    *,
+    dry_run: bool,
+    yes: bool,
+) -> RobotFile | None:
     """Show what changes in the file and write it; None where nothing is written."""
-    changes = flow.changes()
     if not changes:
         note(f"{file.path}: nothing to write")
         return None
@@ -273,7 +322,10 @@ def _read_back(there: RobotFile, made: RobotFile, names: Sequence[str]) -> None:
 
 def _test(joint: RobotJoint, arm: Robot, person: Person) -> None:
     """Let a joint move to and fro as long as a key is held. Its torque is off before and afterwards."""
-    if not person.yes(f"test {joint.name}: its torque comes on, and it moves while SPACE is held. Test it?"):
+    if not person.yes(
+        f"test {joint.name}: hold the arm, for it is limp again at the end. Its torque comes on, and it moves while "
+        "SPACE is held. Test it?"
+    ):
         return
     joint.torque_on()
     try:
@@ -300,19 +352,29 @@ def _move_while_held(joint: RobotJoint, arm: Robot, person: Person) -> None:
             continue
         held.pressed(arm.ports.now())
         here = joint.position()
-        low, high = joint.limits
-        goal = min(max(here + direction * TEST, low), high)
+        goal = min(max(here + direction * TEST, joint.limits[0]), joint.limits[1])
         if abs(goal - here) < deg:
             direction = -direction
             continue
-        move = joint.move(goal, speed=TEST_SPEED)
-        try:
-            while not move.done:
-                if person.key(PERIOD) == SPACE:
-                    held.pressed(arm.ports.now())
-                if not held.held(arm.ports.now()):
-                    break
-        finally:
-            move.cancel()
+        _creep(joint, here, goal, held, arm, person)
         note(f"{joint.name}: {show(here, 'rad')} to {show(joint.position(), 'rad')}")
         direction, held = -direction, HeldKey()
+
+
+def _creep(joint: RobotJoint, here: float, goal: float, held: HeldKey, arm: Robot, person: Person) -> None:
+    """Move to a goal while the key is held, with commands that lead no farther than AHEAD: a killed program's are over.
+
+    The joint stops where the key is let go.
+    """
+    way, began = goal - here, arm.ports.now()
+    try:
+        while held.held(arm.ports.now()):
+            gone = TEST_SPEED * (arm.ports.now() - began)
+            share = min(1.0, (gone + AHEAD) / abs(way))
+            move = joint.move(here + share * way, speed=TEST_SPEED)
+            if person.key(PERIOD) == SPACE:
+                held.pressed(arm.ports.now())
+            if share == 1.0 and move.done:
+                return
+    finally:
+        joint.stop()

@@ -92,15 +92,16 @@ def _notes(file: RobotFile, left: list[str], kind: str) -> Iterator[str]:
 
 
 def _kind(group: _Group, given: Given) -> str:
-    if given.kind not in (None, *KINDS):
-        raise FormatError(f"{given.source}: {shown(given.kind)} is none of the kinds {listed(KINDS)}")
+    said = given.kind
+    if said not in (None, *KINDS):
+        raise FormatError(f"{given.source}: {shown(said)} is none of the kinds {listed(KINDS)}")
     highest = max(max(positions) for _, positions in group.rows)
-    if given.kind is None and highest > COUNTS:
+    if said is None and highest > COUNTS:
         raise FormatError(
             f"{given.source}: it has positions up to {highest}, and bus servos have counts up to {COUNTS}; say --kind "
             "pwm if they are widths of pulses in µs"
         )
-    return given.kind or "bus"
+    return said or "bus"
 
 
 def _joint(file: RobotFile, id: int, kind: str, given: Given) -> str | None:
@@ -109,8 +110,8 @@ def _joint(file: RobotFile, id: int, kind: str, given: Given) -> str | None:
     Raises FormatError if several have this id.
     """
     name = f"Servo{id}"
-    if name in given.joints:
-        said = given.joints[name]
+    said = given.called(name)
+    if said is not None:
         if said not in file.joints:
             raise FormatError(f"{file.name}: there is no joint {shown(said)}; there are {listed(file.joints)}")
         return said

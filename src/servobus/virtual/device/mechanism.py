@@ -35,6 +35,7 @@ STIFFNESS = 0.25
 Assumption: real horns are stiffer, and nobody could tell."""
 DAMPING = 2.0
 """Steps in which the damping between two horns does what their spring does: the rotors are damped by half."""
+ALONE = (0.0,)
 
 
 class Seat:
@@ -48,7 +49,9 @@ class Seat:
     def __init__(self, servo: VirtualServo, port: str, *, zero: float = 0.0, gear: float = 1.0) -> None:
         self.servo, self.port, self.zero, self.gear = servo, port, zero, gear
         self.shaft = servo.shaft
-        self._borne = self._acceleration = 0.0
+        self.acceleration = 0.0
+        """Of the joint in the latest tick of this servo, rad/s²."""
+        self._borne = 0.0
 
     @property
     def angle(self) -> float:
@@ -61,25 +64,21 @@ class Seat:
         return self.shaft.velocity / self.gear
 
     @property
-    def acceleration(self) -> float:
-        """Acceleration of the joint in the latest tick of this servo, rad/s²."""
-        return self._acceleration / self.gear
-
-    @property
     def rotor(self) -> float:
         """Inertia of the motor as the joint feels it, kg·m²."""
         return self.shaft.motor.inertia * self.gear**2
 
     def bear(self, inertia: float, torque: float) -> None:
         """Feel an inertia and a torque at the joint."""
-        turned = inertia / self.gear**2
-        if abs(turned - self._borne) > CLOSE * (turned + self.shaft.motor.inertia):
+        gear, shaft = self.gear, self.shaft
+        turned = inertia / (gear * gear)
+        if abs(turned - self._borne) > CLOSE * (turned + shaft.motor.inertia):
             self._borne = turned
-        self.shaft.bear(self._borne, torque / self.gear - (turned - self._borne) * self._acceleration)
+        shaft.bear(self._borne, torque / gear - (turned - self._borne) * self.acceleration * gear)
 
     def foresee(self) -> None:
-        """Find out how the shaft will be accelerated in its next tick."""
-        self._acceleration = self.shaft.foresee()
+        """Find out how the joint will be accelerated in the next tick."""
+        self.acceleration = self.shaft.foresee() / self.gear
 
     def live(self, before: float, now: float) -> None:
         """Let time pass."""
@@ -90,7 +89,7 @@ class Seat:
         elif ticks := math.floor(now / servo.tick + EXACT) - math.floor(before / servo.tick + EXACT):
             shaft.tick(ticks)
         if ticks:
-            self._acceleration = (shaft.velocity - speed) / (ticks * servo.tick)
+            self.acceleration = (shaft.velocity - speed) / (ticks * servo.tick * self.gear)
 
 
 class Mechanism:
@@ -107,6 +106,7 @@ class Mechanism:
         self._in_turn = in_turn
         self._told = dict.fromkeys(self._ports.values(), 0.0)
         """Port -> time up to which it has been used."""
+        self._accelerations = [0.0] * len(self._joints)
         self._steps = 0
         for servo in self._ports:
             servo.company = self
@@ -145,27 +145,26 @@ class Mechanism:
 
     def _feel(self) -> Felt:
         """Find out what the joints will feel in the middle of the next tick."""
-        angles, speeds, accelerations = self._mean("angle"), self._mean("speed"), self._mean("acceleration")
-        return self._linkage.feel(
-            [angle + STEP / 2 * speed for angle, speed in zip(angles, speeds, strict=True)],
-            [speed + STEP / 2 * acceleration for speed, acceleration in zip(speeds, accelerations, strict=True)],
-        )
-
-    def _mean(self, name: str) -> list[float]:
-        """Give the angles, speeds or accelerations of all joints."""
-        return [sum(getattr(seat, name) for seat in seats) / len(seats) for seats in self._joints]
+        angles, speeds = [], []
+        for seats, acceleration in zip(self._joints, self._accelerations, strict=True):
+            speed = sum([seat.speed for seat in seats]) / len(seats)
+            angles.append(sum([seat.angle for seat in seats]) / len(seats) + STEP / 2 * speed)
+            speeds.append(speed + STEP / 2 * acceleration)
+        return self._linkage.feel(angles, speeds)
 
     def _round(self, felt: Felt, act: Callable[[Seat], None]) -> None:
         """Let each joint in its turn feel what all others do, and act."""
-        accelerations = self._mean("acceleration")
-        for joint, (seats, inertias) in enumerate(zip(self._joints, felt.inertia, strict=True)):
-            torque = felt.torque[joint] + inertias[joint] * accelerations[joint]
-            torque -= sum(inertia * other for inertia, other in zip(inertias, accelerations, strict=True))
+        accelerations = self._accelerations
+        for joint, (seats, row) in enumerate(zip(self._joints, felt.inertia, strict=True)):
+            torque = felt.torque[joint] + row[joint] * accelerations[joint]
+            for inertia, acceleration in zip(row, accelerations, strict=True):
+                torque -= inertia * acceleration
+            share = len(seats)
             for seat, spring in zip(seats, _springs(seats), strict=True):
-                seat.bear(inertias[joint] / len(seats), torque / len(seats) + spring)
+                seat.bear(row[joint] / share, torque / share + spring)
             for seat in seats:
                 act(seat)
-            accelerations[joint] = sum(seat.acceleration for seat in seats) / len(seats)
+            accelerations[joint] = sum([seat.acceleration for seat in seats]) / share
 
     @property
     def _standing(self) -> bool:
@@ -177,10 +176,10 @@ class Mechanism:
         return any(seat.servo.powered and seat.servo.torque for seat in self._seats)
 
 
-def _springs(seats: Sequence[Seat]) -> list[float]:
+def _springs(seats: Sequence[Seat]) -> Sequence[float]:
     """Give the torques between the horns of servos on one joint, at the joint, N·m."""
     if len(seats) == 1:
-        return [0.0]
+        return ALONE
     first, second = seats
     stiffness = STIFFNESS / STEP**2 * first.rotor * second.rotor / (first.rotor + second.rotor)
     apart = first.angle - second.angle + DAMPING * STEP * (first.speed - second.speed)

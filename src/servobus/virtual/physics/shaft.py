@@ -5,7 +5,6 @@ The firmware says once a tick what the bridge does; `tick` lets the motor answer
 """
 
 from collections.abc import Callable
-from copy import copy
 from dataclasses import replace
 
 from servobus.virtual.physics.motor import (
@@ -195,9 +194,12 @@ class Shaft:
 
     def foresee(self) -> float:
         """Give the acceleration in the next tick, rad/s², if the bridge does the same."""
-        state = copy(self.state)
+        state = self.state
+        position, velocity, current, heat, play = state.position, state.velocity, state.current, state.heat, state.play
         step(self._plan, state, self.duty, self.rail.voltage, self.closed, self._push)
-        return (state.velocity - self.state.velocity) / self.tick_time
+        change = state.velocity - velocity
+        state.position, state.velocity, state.current, state.heat, state.play = position, velocity, current, heat, play
+        return change / self.tick_time
 
     def run(self, ticks: int, law: Callable[[float], float]) -> int:
         """Let up to so many ticks pass, each driven at law(position), and give how many did.

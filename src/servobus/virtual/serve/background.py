@@ -149,6 +149,11 @@ class ServedPort(str):
     servos: list[ServedServo]
     """All servos, in the order in which they were named."""
 
+    @property
+    def served(self) -> bool:
+        """Whether it is being served."""
+        return self._server.is_alive()
+
     def __new__(cls, name: str, rig: Rig, server: threading.Thread) -> Self:
         port = super().__new__(cls, name)
         port._rig, port._server = rig, server
@@ -245,10 +250,16 @@ def serve(url: str, *, tcp: bool = False, faults: Faults | str | None = None) ->
             # The link keeps its name even if the terminal behind it goes away and another one comes.
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="servobus-"))
             port = PtyPort(rig, Path(folder) / "servos")
-        stack.enter_context(port)
+        yield stack.enter_context(serving(port))
+
+
+@contextmanager
+def serving(port: Port) -> Iterator[ServedPort]:
+    """Serve the servos behind a port, from a thread of this process, until the block ends. Raises PortError."""
+    with port, ExitStack() as stack:
         stop = threading.Event()
         server = threading.Thread(target=port.serve, args=[stop], name=port.name, daemon=True)
         server.start()
         stack.callback(server.join, PATIENCE)
         stack.callback(stop.set)
-        yield ServedPort(port.name, rig, server)
+        yield ServedPort(port.name, port.rig, server)

@@ -16,8 +16,7 @@ import bisect
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from operator import itemgetter
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 from servobus.core.framing import BITS_PER_BYTE, Corrupt, Decoder, Framing, Noise, Packet
 from servobus.core.ids import BROADCAST
@@ -207,7 +206,7 @@ class VirtualLine:
                 self._drop(group, time)
             else:
                 self._hear(group, run)
-        while run := self._client.next_run(self._to_client, until=now):
+        while self._to_client and (run := self._client.next_run(self._to_client, until=now)):
             self._client.since = run.resume
             self._handover.take(run)
         self._arrived += self._handover.due(now)
@@ -239,8 +238,13 @@ class VirtualLine:
 
     def _due(self) -> "_Due":
         """Give the next event of all groups, and when; see `_Group.look`."""
-        events = [group.next or group.look(self._to_servos) for group in self._groups.values()]
-        return min(events, key=_time_of)
+        first: _Due | None = None
+        for group in self._groups.values():
+            event = group.next or group.look(self._to_servos)
+            if first is None or event[0] < first[0]:
+                first = event
+        assert first is not None, "a line has servos, and so a group"
+        return first
 
     # The servos' side
 
@@ -386,4 +390,3 @@ def _start_of(wave: Transmission) -> float:
 
 
 _Due: TypeAlias = tuple[float, _Group, ReceivedBytes | None]
-_time_of: Final = itemgetter(0)
