@@ -154,6 +154,7 @@ class AsyncRobotJoints(Awaiting, JointSet[AsyncRobotJoint]):
     def __init__(self, ports: AsyncPorts, joints: Mapping[str, AsyncRobotJoint]) -> None:
         self._ports = ports
         super().__init__(joints)
+        self._close()
 
     async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
         """Carry out a job of the robot."""
@@ -209,6 +210,7 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
             name: AsyncRobotJoints(ports, {joint: joints[joint] for joint in members})
             for name, members in file.groups.items()
         }
+        self._close()
 
     async def __aenter__(self) -> Self:
         async with AsyncExitStack() as stack:

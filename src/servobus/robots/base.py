@@ -1,6 +1,6 @@
 """What the blocking and the asynchronous robot share: joints, groups of them, and what one asks of them together."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from servobus.bus.base import BaseBus
@@ -18,13 +18,15 @@ from servobus.robots.jobs import JointState
 from servobus.robots.joint import Joint
 from servobus.robots.move import JointMove
 from servobus.robots.ports import Ports
-from servobus.robots.settings import Plan
+from servobus.robots.protection import Protections
+from servobus.robots.settings import Plan, limits_alone
 from servobus.robots.steps import RobotJob
 from servobus.robots.values import ByJoint, named_angles
 
 if TYPE_CHECKING:
     from servobus.robots.motion import Motion
     from servobus.robots.trajectory.path import Trajectory
+    from servobus.safety.overload import Level
 
 J = TypeVar("J", bound="JointVerbs")
 B = TypeVar("B", bound=BaseBus[Any])
@@ -94,6 +96,9 @@ class JointSet(Closed, Generic[J]):
 
     def __contains__(self, joint: object) -> bool:
         return joint in self.joints or any(one is joint for one in self)
+
+    def _no_attribute(self, name: str) -> str:
+        return f"{name} cannot be set; to move a joint: move({name if name in self.joints else 'NAME'}=20 * deg)"
 
     def named(self, *names: str) -> list[J]:
         """Give joints by their names, each once and in the order of the robot file; all if none is named.
@@ -202,6 +207,7 @@ class BaseRobot(JointSet[J], Generic[J, B]):
         self.groups: dict[str, JointSet[J]] = {}
         self.attendance = Attendance(file.name, ())
         """What was found when it was last compared with its file."""
+        self._protections = Protections(list(self))
 
     @property
     def buses(self) -> dict[str, B]:
@@ -242,6 +248,18 @@ class BaseRobot(JointSet[J], Generic[J, B]):
         self.attendance = found
         return found
 
+    # Protection
+
+    @bus_method
+    def protect(self) -> "RobotJob[ByJoint[Level]]":
+        """Look once how hot the servos of every joint are and whether they are stuck, and act; joint -> level.
+
+        To be called again and again, as `Bus.protect`, which says what is done at each level. The thresholds of a joint
+        are those of [joint.NAME.protect]. A joint with two servos is made safe with both, and stopped where they stand
+        too far apart: then it raises Disagreement. Joints that do not answer are in `lost` of what is given.
+        """
+        return self._protections.look()
+
     # Settings of the servos
 
     @bus_method
@@ -281,10 +299,35 @@ class BaseRobot(JointSet[J], Generic[J, B]):
         """
         return applying.undo(self.buses, Backups(self.file), torque_off=torque_off)
 
-    def _plan(self) -> RobotJob[Plan]:
+    @bus_method
+    @urgent(Priority.SCAN)
+    def plan_limits(self) -> RobotJob[Plan]:
+        """Compare the limits that the servos hold with those of the joints in the file. Writes nothing.
+
+        Those of a servo are worked out from those of its joint: the lower one first, and rounded inwards. A joint
+        without `limits` in the file is left as it is.
+        """
+        return self._plan(limits_alone(list(self)))
+
+    @bus_method
+    @urgent(Priority.SCAN)
+    def sync_limits(self, plan: Plan | None = None, *, torque_off: bool = False) -> RobotJob[Applied]:
+        """Write the limits of the joints into their servos too, by a plan of `plan_limits`; they hold whoever moves.
+
+        Nothing moves. What was there before is kept, and `undo_settings` brings it back. Raises UsageError, before
+        anything is written, where a servo stands outside the new limits, or where its torque is on and `torque_off` is
+        false; else as `apply_settings`.
+        """
+        joints = limits_alone(list(self))
+        made = (yield from self._plan(joints)) if plan is None else plan
+        yield from settings.check_inside(made, joints)
+        return (yield from applying.apply(made, joints, Backups(self.file), torque_off=torque_off))
+
+    def _plan(self, joints: Sequence[Joint] | None = None) -> RobotJob[Plan]:
+        joints = list(self) if joints is None else joints
         found = yield from attendance.check(self.file, self.buses, list(self), strangers=False)
         self.attendance = found
-        return (yield from settings.plan(self.file.name, list(self), found.unusable(self)))
+        return (yield from settings.plan(self.file.name, joints, found.unusable(joints)))
 
     def __getattr__(self, name: str) -> Any:
         if not name.startswith("_"):

@@ -90,6 +90,7 @@ class RobotJoints(Blocking, JointSet[RobotJoint]):
     def __init__(self, ports: BlockingPorts, joints: Mapping[str, RobotJoint]) -> None:
         self._ports = ports
         super().__init__(joints)
+        self._close()
 
     def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
         """Carry out a job of the robot."""
@@ -154,6 +155,7 @@ class Robot(RobotJoints, BaseRobot[RobotJoint, Bus]):
             name: RobotJoints(ports, {joint: joints[joint] for joint in members})
             for name, members in file.groups.items()
         }
+        self._close()
 
     def __enter__(self) -> Self:
         for bus in self.buses.values():

@@ -32,6 +32,8 @@ SPEED, ACCELERATION = 180 * deg, 720 * deg
 TIME = "time"
 """Heading of the first column of a table of samples."""
 _ANGLE = Measured("rad", "90deg")
+_HALF = 0.0005 * deg + 1e-9
+"""rad by which an angle in a table of samples may be rounded: it has thousandths of a degree."""
 
 
 @frozen
@@ -81,7 +83,18 @@ def motion_of(file: RobotFile, name: str) -> Motion:
     unknown = [joint for joint in motion.poses if joint not in file.joints]
     if unknown:
         raise UsageError(f"{entry.file}: {file.name} has no joint {unknown[0]!r}; there are {', '.join(file.joints)}")
-    return Motion(motion.times, motion.poses, entry.path, entry.loop)
+    poses = {
+        joint: tuple(_rounded_back(angle, *file.joints[joint].range) for angle in angles)
+        for joint, angles in motion.poses.items()
+    }
+    return Motion(motion.times, poses, entry.path, entry.loop)
+
+
+def _rounded_back(angle: float, low: float, high: float) -> float:
+    """Give the limit for an angle that misses it by no more than a table of samples rounds."""
+    if low - _HALF <= angle < low:
+        return low
+    return high if high < angle <= high + _HALF else angle
 
 
 def _of_steps(file: RobotFile, entry: MotionEntry) -> Motion:

@@ -12,7 +12,7 @@ from typing import Any
 from servobus.core.arguments import check_above_0
 from servobus.core.exchange import Now, Pause
 from servobus.core.units import deg, show
-from servobus.errors import BadValue, MotionError, ServobusError, TorqueOff, UsageError
+from servobus.errors import BadValue, Disagreement, MotionError, ServobusError, TorqueOff, UsageError
 from servobus.jobs.move import LOOK, SHORTEST, PlannedMove, cancel, has_ended, plan, start_move, wait_arrival
 from servobus.robots import jobs
 from servobus.robots.joint import Joint
@@ -136,15 +136,20 @@ def wait_joints(move: JointMove, timeout: float | None = None) -> RobotJob[None]
     """Wait until all joints stand still near their goals.
 
     Raises MoveTimeout `timeout` s from now, or GRACE after they should have arrived; Stopped if one does not come any
-    more. If one fails, the others stop where they are.
+    more, and Disagreement if two servos on one axis come too far apart. If one fails, all stop where they are.
     """
     if timeout is not None:
         timeout = max(0.0, float(timeout))
     began: float = yield Now()
     end = began + (move.duration + GRACE if timeout is None else timeout)
+    pairs = [joint for joint in move.goals if len(joint.parts) > 1]
     while True:
         outcomes = yield from each(move.on_ports(_look))
         yield from _all_or_none(move, outcomes)
+        try:
+            yield from jobs.read(pairs, "present_position")  # those that do not answer are told at the end
+        except Disagreement as error:
+            yield from _all_or_none(move, {"": error})
         now: float = yield Now()
         if all(outcomes.values()) or now >= end:
             break

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from servobus.bus.blocking import Bus
 from servobus.connect import transport
-from servobus.errors import PortError
+from servobus.errors import PortError, RobotFileError
 from servobus.robots.attendance import refuse
 from servobus.robots.base import check_safe
 from servobus.robots.blocking import Robot
@@ -37,7 +37,7 @@ def robot(file: str | PathLike[str] | RobotFile, *, incomplete: bool = False) ->
     Raises RobotFileError for a wrong file, PortError for a port that is missing or in use, RobotMismatch where the
     servos that answer are not those of the file.
     """
-    contents = file if isinstance(file, RobotFile) else read_file(fspath(file))
+    contents = _contents(file)
     with ExitStack() as stack:
         opened = Robot(contents, _opened(contents, stack, Bus))
         stack.callback(opened.close)
@@ -55,12 +55,23 @@ def robot_async(file: str | PathLike[str] | RobotFile, *, incomplete: bool = Fal
     from servobus.bus.asyncio import AsyncBus  # noqa: PLC0415 - asyncio is slow to import and not always wanted
     from servobus.robots.asyncio import AsyncRobot  # noqa: PLC0415
 
-    contents = file if isinstance(file, RobotFile) else read_file(fspath(file))
+    contents = _contents(file)
     with ExitStack() as stack:
         opened = AsyncRobot(contents, _opened(contents, stack, AsyncBus), incomplete=incomplete)
         check_safe(opened)
         stack.pop_all()
     return opened
+
+
+def _contents(file: str | PathLike[str] | RobotFile) -> RobotFile:
+    """Read a robot file. Raises RobotFileError for one that names no joint."""
+    contents = file if isinstance(file, RobotFile) else read_file(fspath(file))
+    if not contents.joints:
+        raise RobotFileError(
+            f"{contents.name}: there is no joint; write [port.NAME] and [joint.NAME], or have "
+            "`servobus robot init PORT` make a file from the servos of a port"
+        )
+    return contents
 
 
 def _opened(file: RobotFile, stack: ExitStack, make: Callable[..., B]) -> dict[str, B]:

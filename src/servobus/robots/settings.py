@@ -9,9 +9,11 @@ the direction, and rounded inwards, so that no servo takes a goal which its join
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
+from servobus.bus import several
 from servobus.core.exchange import Procedure, SetBaud
 from servobus.core.present import change_entry, value_text
 from servobus.core.registers import Area, Register
@@ -22,6 +24,7 @@ from servobus.families.base import KnownServo, Model
 from servobus.families.change import said
 from servobus.robots.axis import Axis
 from servobus.robots.file.entries import JointEntry, ServoEntry, raw_setting
+from servobus.robots.file.reading import ROUNDING
 from servobus.robots.joint import Joint, Part
 from servobus.robots.steps import RobotJob, each
 
@@ -170,6 +173,8 @@ class Plan:
         lines = []
         for one in self.servos:
             told = _lines(one, offsets=offsets)
+            if one.driven and one.to_write(offsets=offsets):
+                told.append("  its torque is on: it has to go off before anything is written")
             lines += [f"{one.who}:", *told] if told else [f"{one.who}: as the file says"]
         count, kept = self.changes(offsets=offsets), self.eeprom_writes(offsets=offsets)
         lines.append(
@@ -243,6 +248,39 @@ def plan(name: str, joints: Sequence[Joint], unusable: Mapping[str, str]) -> Rob
             _unread(joint, part, str(outcome)) if isinstance(outcome, ServobusError) else outcome[joint.name, n]
         )
     return Plan(name, tuple(found))
+
+
+def limits_alone(joints: Sequence[Joint]) -> list[Joint]:
+    """Give joints of whose settings the file asks for their limits, and for nothing else."""
+    return [Joint(replace(joint.entry, registers={}, limits_in_servo=True), joint.parts) for joint in joints]
+
+
+def check_inside(plan: Plan, joints: Sequence[Joint]) -> RobotJob[None]:
+    """Raise UsageError where a servo stands outside the limits that a plan would give it; it would be driven there."""
+    changed = {one.servo for one in plan.servos if one.changes}
+    parts = [(joint, part) for joint in joints for part in joint.parts if part.servo.target in changed]
+    asked: dict[str, list[Part]] = {}
+    for _, part in parts:
+        asked.setdefault(part.port, []).append(part)
+    outcomes = yield from each(
+        {port: several.read([part.servo for part in there], "present_position") for port, there in asked.items()}
+    )
+    outside = []
+    for joint, part in parts:
+        outcome = outcomes[part.port]
+        if isinstance(outcome, ServobusError):
+            raise outcome
+        here, limits = outcome[part.servo], joint.entry.limits
+        if limits is None:
+            continue
+        low, high = (row.decode(raw) for row, raw in limits_wanted(part.servo.model, part.axis, limits).items())
+        if not low - ROUNDING <= here <= high + ROUNDING:
+            outside.append(f"{joint.name} at {show(part.axis.to_joint(here), 'rad')}")
+    if outside:
+        raise UsageError(
+            f"{plan.name}: outside the limits stands {', '.join(outside)}: turn it inside by hand, or change `limits` "
+            "in the file; nothing was written"
+        )
 
 
 def _unread(joint: Joint, part: Part, problem: str) -> ServoSettings:

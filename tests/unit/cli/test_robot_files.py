@@ -92,5 +92,10 @@ def test_what_cannot_be_is_refused_and_changes_nothing(arm: Path, refused: Calla
     assert "cannot be read" in refused("robot", "import", "nothing.json", "-o", "new.toml")
     assert "say -o" in refused("robot", "import", "arm.urdf", "-o", "a", "--onto", arm.name, code=2)
     assert "THEIRS=OURS" in refused("robot", "import", "arm.urdf", "--onto", arm.name, "--joint", "j1", code=2)
+    onto = ("robot", "import", "arm.urdf", "--onto", arm.name, "--joint", "j1=wrist")
+    assert "--model rx28, --joint j2=grip: nothing in this URDF" in refused(
+        *onto, "--joint", "j2=grip", "--model", "rx28", code=2
+    )
+    assert "--name wave" in refused(*onto, "--name", "wave", code=2)
     assert arm.read_text() == SIX
     assert not Path("new.toml").exists()

@@ -104,3 +104,13 @@ steps = [
 """
 
 JOINTS = ("base", "lift", "elbow", "turn", "wrist", "grip")
+
+LIVE = (
+    SIX.replace(
+        'zero = "120deg"\ndirection = -1\nlimits = ["-60deg"', 'zero = "130deg"\ndirection = -1\nlimits = ["-60deg"'
+    )
+    .replace('limits = ["-100deg", "100deg"]', 'limits = ["-65deg", "65deg"]')
+    .replace("ratio = 1.5\n", 'ratio = 1.5\nlimits = ["-120deg", "80deg"]\n')
+)
+"""The same for servos as they come: both servos of the pair agree where they stand, and no limit is beyond those that
+a DRS-0602 has from the factory."""

@@ -44,7 +44,7 @@ jerk = "4000deg/s3"
 safe_action = "free"
 mirror = { id = 2, port = "other", model = "rx28", baud = 57600, zero = "140deg", direction = 1, disagreement = "3deg" }
 protect = { warn = "10degC", derate = "5degC", push = "80%", stall = "500ms" }
-load = { mass = "0.2kg", length = "0.1m", down = "-90deg" }
+load = { mass = "0.2kg", length = "0.1m", down = "-90deg", sense = -1 }
 registers = { punch = 40, led = true, return_delay_time = "100us" }
 
 [joint.knee]

@@ -179,9 +179,13 @@ def _make(format: Format, data: bytes, given: Given, output: str | None) -> None
             "arm.toml`), then say --onto arm.toml"
         )
     draft = format.new(data, given)
+    _check_used(format, given)
     text = draft_text(draft, "robot" if output is None else plain_name(Path(output).stem))
-    if output is None:
+    try:
         read_text(text)
+    except RobotFileError as error:
+        raise FormatError(f"{given.source}: what it says makes no robot file: {error}") from None
+    if output is None:
         click.echo(text, nl=False)
     else:
         create(output, text)
@@ -190,12 +194,19 @@ def _make(format: Format, data: bytes, given: Given, output: str | None) -> None
         note(sentence)
 
 
+def _check_used(format: Format, given: Given) -> None:
+    """Refuse what was said and has no meaning here: a slip in a name, or an option for another format."""
+    if unused := given.unused():
+        raise click.UsageError(f"{', '.join(unused)}: nothing in this {format.title} has to do with it")
+
+
 def _take(format: Format, data: bytes, given: Given, onto: str) -> None:
     """Take it into a robot file."""
     if format.onto is None:
         raise FormatError(f"{given.source}: {format.a_title} makes a robot file of its own; say -o instead of --onto")
     file = read_file(onto)
     changes = format.onto(data, file, given)
+    _check_used(format, given)
     text = edited(file, changes.changes)
     read_text(text, Path(onto))  # a wrong one is refused before a file is written beside it
     written: list[Path] = []

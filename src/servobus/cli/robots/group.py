@@ -17,6 +17,7 @@ class RobotGroup(VerbGroup):
             "plan": ("robots.settings:plan", "Compare the servos' settings with the robot file."),
             "apply": ("robots.settings:apply", "Write the settings of the robot file."),
             "adopt": ("robots.adopt:adopt", "Put a new servo in the place of a dead one."),
+            "sync-limits": ("robots.settings:sync_limits", "Keep the limits of the joints in the servos too."),
             "export": ("robots.files:export", "Write a file of another program."),
             "import": ("robots.files:import_", "Take in a file of another program."),
             "schema": ("robots.schema:schema", "Print what an editor checks a robot file with."),

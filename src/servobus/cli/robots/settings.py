@@ -79,6 +79,38 @@ def apply(file: str, yes: bool, torque_off: bool, offsets: bool, undo: bool) -> 
             click.echo(f"what was there before is in {done.run.folder}; {_undo_hint(file)}")
 
 
+@verb(
+    "sync-limits",
+    "servobus robot sync-limits arm.toml",
+    "servobus robot sync-limits arm.toml --yes --torque-off",
+)
+@file_argument
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@torque_off_option
+def sync_limits(file: str, yes: bool, torque_off: bool) -> None:
+    """Keep the limits of the joints in the servos too, so that they hold whoever commands them.
+
+    Shows what it would write, asks, writes, and reads back. The limits of a servo lie inside those of its joint, the
+    lower one first whatever the direction. Nothing moves: a servo that stands outside is refused. What was there before
+    is kept in a folder beside FILE; `robot apply --undo` brings it back.
+    """
+    with robot(read_file(file), incomplete=True) as opened, signals_as_interrupt():
+        found = opened.plan_limits()
+        click.echo(str(found))
+        if not found.changes():
+            if found.problems:
+                raise click.exceptions.Exit(1)
+            return
+        _check_torque(found, torque_off=torque_off, offsets=False)
+        with unless_nobody_answers("--yes writes it without a question"):
+            if not yes and not click.confirm(_question(found, offsets=False)):
+                raise ServobusError("nothing was written")
+        done = opened.sync_limits(found, torque_off=torque_off)
+        for who, names in done.written.items():
+            click.echo(f"{who}: written {', '.join(names)}")
+        click.echo(f"what was there before is in {done.run.folder}; {_undo_hint(file)}")
+
+
 def _question(found: Plan, *, offsets: bool) -> str:
     count, kept = found.changes(offsets=offsets), found.eeprom_writes(offsets=offsets)
     return f"write {'this value' if count == 1 else f'these {count} values'}, {kept} of them to the EEPROM?"

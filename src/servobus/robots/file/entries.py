@@ -17,7 +17,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from servobus.core.ids import LAST_ID
 from servobus.core.registers import Register
@@ -41,6 +41,9 @@ from servobus.robots.file.kinds import (
     Text,
     Whole,
 )
+
+if TYPE_CHECKING:
+    from servobus.safety.overload import Thresholds
 
 FORMAT = 1
 """Version of the format of robot files that is written and read here."""
@@ -224,6 +227,14 @@ class JointEntry:
         "Settings that the servos of the joint are to keep: register -> value, as `servobus registers` lists them.",
         default_factory=dict,
     )
+
+    @property
+    def thresholds(self) -> "Thresholds":
+        """When the joint is protected: what [joint.NAME.protect] says, the rest as always. Raises BadValue."""
+        from servobus.safety.overload import Thresholds  # noqa: PLC0415 - only some programs need it
+
+        given = {} if self.protect is None else {name: getattr(self.protect, name) for name in keys_of(ProtectEntry)}
+        return Thresholds(**{name: value for name, value in given.items() if value is not None}).check()
 
     @property
     def axis(self) -> Axis:

@@ -197,6 +197,7 @@ class _Reader:
                     )
                 taken[who] = name
             self._range(joint)
+            self._value((*path, "protect"), JointEntry.thresholds.__get__, joint)
             self._registers(joint)
             self._parents(file, joint)
         for group, joints in file.groups.items():

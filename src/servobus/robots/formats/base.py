@@ -23,8 +23,8 @@ ALL = ""
 """Under this name stands what was given for all that have no value of their own."""
 
 
-class Given(NamedTuple):
-    """What the user says about a file of another program.
+class Given:
+    """What the user says about a file of another program. It notes what was asked for, so that slips are found.
 
     source   what the file is called, for messages and comments
     ports    name of a port there -> its path; under `ALL` for all others
@@ -34,31 +34,68 @@ class Given(NamedTuple):
     motion   what a motion is to be called
     """
 
-    source: str
-    ports: Mapping[str, str] = NOTHING
-    models: Mapping[str, str] = NOTHING
-    joints: Mapping[str, str] = NOTHING
-    kind: str | None = None
-    motion: str | None = None
+    def __init__(
+        self,
+        source: str,
+        ports: Mapping[str, str] = NOTHING,
+        models: Mapping[str, str] = NOTHING,
+        joints: Mapping[str, str] = NOTHING,
+        kind: str | None = None,
+        motion: str | None = None,
+    ) -> None:
+        self.source = source
+        self._said = {"port": ports, "model": models, "joint": joints, "kind": _alone(kind), "name": _alone(motion)}
+        self._used: set[tuple[str, str]] = set()
 
     def port(self, name: str) -> str | None:
         """Give the path that was said for a port."""
-        return self.ports.get(name) or self.ports.get(ALL)
+        return self._take("port", name) or self._take("port", ALL)
 
     def model(self, joint: str) -> type[Model] | None:
         """Give the model that was said for a joint. Raises UnknownName."""
-        said = self.models.get(joint) or self.models.get(ALL)
+        said = self._take("model", joint) or self._take("model", ALL)
         return None if said is None else registry.model(said)
+
+    def called(self, name: str) -> str | None:
+        """Give the name in the robot file that was said for what is called so in the other one."""
+        return self._take("joint", name)
 
     def joint(self, name: str) -> str:
         """Give the name in the robot file of what is called so in the other one. Raises FormatError."""
-        ours = self.joints.get(name, name)
+        ours = self.called(name) or name
         if not re.fullmatch(NAME, ours):
             raise FormatError(
                 f"{self.source}: {shown(name)} is no name of a joint in a robot file; give it one of letters, digits, "
                 f"_ and -, as in --joint {shown(name)}=NAME"
             )
         return ours
+
+    @property
+    def kind(self) -> str | None:
+        """What positions without a unit mean."""
+        return self._take("kind", ALL)
+
+    @property
+    def motion(self) -> str | None:
+        """What a motion is to be called."""
+        return self._take("name", ALL)
+
+    def unused(self) -> list[str]:
+        """Give what was said and never asked for, as options."""
+        return [
+            f"--{what} {f'{name}={value}' if name else value}"
+            for what, pairs in self._said.items()
+            for name, value in pairs.items()
+            if (what, name) not in self._used
+        ]
+
+    def _take(self, what: str, name: str) -> str | None:
+        self._used.add((what, name))
+        return self._said[what].get(name)
+
+
+def _alone(value: str | None) -> Mapping[str, str]:
+    return NOTHING if value is None else {ALL: value}
 
 
 class Written(NamedTuple):

@@ -92,15 +92,16 @@ def _notes(file: RobotFile, left: list[str], kind: str) -> Iterator[str]:
 
 
 def _kind(group: _Group, given: Given) -> str:
-    if given.kind not in (None, *KINDS):
-        raise FormatError(f"{given.source}: {shown(given.kind)} is none of the kinds {listed(KINDS)}")
+    said = given.kind
+    if said not in (None, *KINDS):
+        raise FormatError(f"{given.source}: {shown(said)} is none of the kinds {listed(KINDS)}")
     highest = max(max(positions) for _, positions in group.rows)
-    if given.kind is None and highest > COUNTS:
+    if said is None and highest > COUNTS:
         raise FormatError(
             f"{given.source}: it has positions up to {highest}, and bus servos have counts up to {COUNTS}; say --kind "
             "pwm if they are widths of pulses in µs"
         )
-    return given.kind or "bus"
+    return said or "bus"
 
 
 def _joint(file: RobotFile, id: int, kind: str, given: Given) -> str | None:
@@ -109,8 +110,8 @@ def _joint(file: RobotFile, id: int, kind: str, given: Given) -> str | None:
     Raises FormatError if several have this id.
     """
     name = f"Servo{id}"
-    if name in given.joints:
-        said = given.joints[name]
+    said = given.called(name)
+    if said is not None:
         if said not in file.joints:
             raise FormatError(f"{file.name}: there is no joint {shown(said)}; there are {listed(file.joints)}")
         return said
@@ -156,7 +157,7 @@ def _read(data: bytes, source: str) -> _Group:
             cursor = database.execute('SELECT * FROM "ActionGroup" ORDER BY "Index"')
             columns = [column[0] for column in cursor.description]
             found = cursor.fetchall()
-    except (sqlite3.Error, OverflowError) as error:
+    except (sqlite3.Error, OverflowError, UnicodeError) as error:
         raise FormatError(f"{source}: this is no action group, which has a table ActionGroup: {error}") from None
     places = {int(match[1]): at for at, name in enumerate(columns) if (match := re.fullmatch(r"Servo(\d+)", name))}
     if "Time" not in columns or not places:

@@ -11,6 +11,8 @@ from servobus.robots.formats.base import Given, listed, plain_name
 
 PLACES = 4
 """Places of degrees and of seconds that are written."""
+HALF = 0.5 * 10**-PLACES * deg
+"""rad by which an angle may be rounded."""
 
 
 def motion_name(file: RobotFile, given: Given) -> str:
@@ -24,12 +26,16 @@ def motion_name(file: RobotFile, given: Given) -> str:
 def check_angle(file: RobotFile, joint: str, angle: float, where: str) -> float:
     """Give an angle of a joint, rad, in degrees to be written. Raises FormatError outside its limits."""
     low, high = file.joints[joint].range
-    told = round(angle / deg, PLACES)
-    if not low - ROUNDING <= told * deg <= high + ROUNDING:
+    if not low - HALF <= angle <= high + HALF:
         raise FormatError(
             f"{where}: {joint} goes to {show(angle, 'rad')}, which is outside its limits in {file.name}, "
             f"{show(low, 'rad')} .. {show(high, 'rad')}; nothing was taken"
         )
+    told = round(angle / deg, PLACES)
+    if told * deg > high + ROUNDING:
+        told = round(told - 2 * HALF / deg, PLACES)
+    elif told * deg < low - ROUNDING:
+        told = round(told + 2 * HALF / deg, PLACES)
     return told + 0.0
 
 

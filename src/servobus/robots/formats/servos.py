@@ -70,7 +70,10 @@ def limit_counts(one: NamedServo, source: str) -> tuple[int, int]:
     row, scale = angle_row(one.servo.model, source)
     low, high = (to_count(scale, end) for end in one.servo.axis.range_to_servo(*one.joint.range))
     least, most = row.limits
-    return max(math.ceil(low - NEAR), least), min(math.floor(high + NEAR), most)
+    lowest, highest = max(math.ceil(low - NEAR), least), min(math.floor(high + NEAR), most)
+    if not lowest < highest:
+        raise FormatError(f"{source}: the limits of {one.name} are nearer to each other than two counts of its servo")
+    return lowest, highest
 
 
 def narrowed(servos: Iterable[NamedServo], source: str) -> Iterator[str]:

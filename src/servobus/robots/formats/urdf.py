@@ -116,7 +116,7 @@ def onto(data: bytes, file: RobotFile, given: Given) -> Changes:
     notes: list[str] = []
     limited, sped, left = [], [], []
     for one in joints.values():
-        entry = file.joints.get(given.joint(one.name) if one.name in given.joints else one.name)
+        entry = file.joints.get(given.called(one.name) or one.name)
         if entry is None:
             if one.kind not in FIXED:
                 left.append(one.name)

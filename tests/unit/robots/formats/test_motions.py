@@ -4,15 +4,17 @@ import json
 import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from servobus import FormatError
-from servobus.robots.file.reading import read_text
+from servobus.robots.file.reading import read_file, read_text
 from servobus.robots.file.writing import edited
 from servobus.robots.formats import d6a, move
 from servobus.robots.formats.base import Given
+from servobus.robots.motion import motion_of
 from unit.robots.arms import SIX
 
 
@@ -103,6 +105,22 @@ def test_a_move_is_a_file_of_samples() -> None:
     made = read_text(edited(file, changes.changes))
     assert made.motions["nod"].file == "nod.csv"
     assert "m7" in " ".join(changes.notes)
+
+
+def test_an_angle_at_the_limit_stays_within_it(tmp_path: Path) -> None:
+    """The table has thousandths of a degree; the limit of this joint has more places, and it can be played."""
+    path = tmp_path / "arm.toml"
+    path.write_text(SIX.replace('["-70deg", "100deg"]', '["-70.0004deg", "89.8826deg"]'))
+    data = positions(**{"0": {"wrist": [-70.0004, 0.0]}, "1": {"wrist": [89.8826, 0.0]}})
+    file = read_file(path)
+    changes = move.onto(data, file, Given("nod.move"))
+    (tmp_path / "nod.csv").write_text(changes.files["nod.csv"])
+    motion = motion_of(read_text(edited(file, changes.changes), path), "nod")
+    low, high = file.joints["wrist"].range
+    assert all(low <= angle <= high for angle in motion.poses["wrist"])
+    past = positions(**{"0": {"wrist": [-70.002, 0.0]}, "1": {"wrist": [0.0, 0.0]}})
+    with pytest.raises(FormatError, match="outside its limits"):
+        move.onto(past, file, Given("nod.move"))
 
 
 def test_times_are_put_in_order() -> None:
