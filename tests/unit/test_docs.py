@@ -37,6 +37,7 @@ def snippets(page: Path) -> list[tuple[int, str]]:
         DOCS / "virtual.md",
         DOCS / "diagnosing.md",
         DOCS / "calibrating.md",
+        DOCS / "motion.md",
         DOCS / "architecture.md",
         ROOT / "README.md",
     ],
