@@ -2,7 +2,7 @@
 
 import sys
 
-from bench import latency, reads, startup, ticks, wire
+from bench import latency, play, reads, robot, startup, ticks, wire
 
 reads.main(sys.argv[1:])
 startup.main([])
@@ -12,3 +12,7 @@ print()
 latency.main([])
 print()
 ticks.main([])
+print()
+robot.main(["--quick"] if "--quick" in sys.argv else [])
+print()
+play.main(["--seconds", "3"] if "--quick" in sys.argv else [])

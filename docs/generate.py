@@ -44,13 +44,13 @@ BEGIN, END = "<!-- made by docs/generate.py -->", "<!-- to here -->"
 FACE = "servobus"
 """The package itself: what users import."""
 ROBOT_TABLES = {
-    "[robot]": entries.RobotEntry,
-    "[port.NAME]": entries.PortEntry,
-    "[joint.NAME]": entries.JointEntry,
-    "[joint.NAME.mirror]": entries.MirrorEntry,
-    "[joint.NAME.protect]": entries.ProtectEntry,
-    "[joint.NAME.load]": entries.LoadEntry,
-    "[motion.NAME]": entries.MotionEntry,
+    "`[robot]`": entries.RobotEntry,
+    "`[port.NAME]`": entries.PortEntry,
+    "`[joint.NAME]`": entries.JointEntry,
+    "`[joint.NAME.mirror]`": entries.MirrorEntry,
+    "`[joint.NAME.protect]`": entries.ProtectEntry,
+    "`[joint.NAME.load]`": entries.LoadEntry,
+    "`[motion.NAME]`": entries.MotionEntry,
     "A step in `steps` of a motion": entries.StepEntry,
 }
 """Heading in robot.md -> the keys of that table."""
@@ -419,10 +419,7 @@ def robot_page(text: str) -> str:
         rows = [(f"`{name}`", _needed(key), key.about) for name, key in entries.keys_of(entry).items()]
         tables += [f"### {head}", _table(("Key", "", "What it is"), rows)]
     tables.append("`[group]` has names of joints by name of the group, `[pose.NAME]` angles by joint.")
-    before, rest = text.split(BEGIN, 1)
-    after = rest.split(END, 1)[1]
-    made = "\n\n".join(table.strip() for table in tables)
-    return f"{before}{BEGIN}\n\n{made}\n\n{END}{after}"
+    return _with(text, "\n\n".join(table.strip() for table in tables))
 
 
 def _needed(key: entries.Key) -> str:

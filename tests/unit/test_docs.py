@@ -36,6 +36,8 @@ def snippets(page: Path) -> list[tuple[int, str]]:
         DOCS / "python.md",
         DOCS / "virtual.md",
         DOCS / "diagnosing.md",
+        DOCS / "calibrating.md",
+        DOCS / "motion.md",
         DOCS / "architecture.md",
         DOCS / "robot.md",
         ROOT / "README.md",

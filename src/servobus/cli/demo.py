@@ -30,16 +30,26 @@ PRINT_PERIOD = 1.0
 """s between two lines where there is no terminal to draw on."""
 
 
-@verb("demo", "servobus demo", "servobus demo --seconds 30")
+@verb("demo", "servobus demo", "servobus demo --seconds 30", "servobus demo robot")
+@click.argument("what", type=click.Choice(("servos", "robot")), default="servos")
 @click.option("--seconds", type=float, default=8.0, show_default=True, metavar="N", help="How long they move.")
-def demo(seconds: float) -> None:
+def demo(what: str, seconds: float) -> None:
     """Find, move and read servos of all three families: virtual ones, nothing needs to be plugged in.
+
+    With `robot` it is two arms, described by robot files: a hand moves the limp one, and the other one, of other
+    servos with other zeros, directions and gears, follows.
 
     Each family is served on a pseudo terminal, as for any program, and driven from there as on a real port.
     Ctrl-C ends it; the torque is released either way.
     """
     if not 0 < seconds <= 3600:
         raise click.UsageError(f"--seconds {seconds:g} is not in 0 .. 3600")
+    if what == "robot":
+        from servobus.cli.demo_robot import demo_robot  # noqa: PLC0415 - only it needs robots
+
+        with signals_as_interrupt():
+            demo_robot(seconds)
+        return
     with signals_as_interrupt(), ExitStack() as stack:
         buses = [
             stack.enter_context(DemoBus(stack.enter_context(_served(f"{name}@{ids}")), MODELS[name], asked))

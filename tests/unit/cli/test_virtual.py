@@ -122,6 +122,15 @@ def test_demo(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "servobus scan /dev/pts/" in text or "servobus scan virtual:" in text or "/dev/tty" in text
 
 
+def test_demo_of_a_robot(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("servobus.cli.demo_robot.PARKING", 1.0)
+    text = run("demo", "robot", "--seconds", "1.2").stdout
+    assert text.count(": all servos are there") == 2
+    assert "  ready left /" in text
+    assert " s  following base " in text
+    assert "The follower is back at rest, its torque is off." in text
+
+
 def test_demo_length(refused: Callable[..., str]) -> None:
     assert "--seconds 0 is not in" in refused("demo", "--seconds", "0", code=2)
     assert "--seconds nan is not in" in refused("demo", "--seconds", "nan", code=2)
