@@ -11,7 +11,7 @@ from servobus import deg
 from servobus.cli.keys import FIRST, NEXT, HeldKey, Keys
 from servobus.robots.file.reading import read_file
 from servobus.robots.motion import motion_of
-from servobus.robots.recording import read_recording
+from servobus.robots.recording import CsvRecorder, Moment, read_recording
 from unit.cli.conftest import Run
 from unit.cli.test_complete import offered
 from unit.robots.test_teleop import FOLLOWER, LEADER
@@ -203,3 +203,21 @@ def test_joints_and_motions_are_offered() -> None:
     assert offered("play", "arm.toml", "n") == ["nod"]
     assert offered("teach", "arm.toml", "new", "base", "g") == ["grip"]
     assert offered("teach", "none.toml", "new", "") == []
+
+
+def test_show_keeps_what_it_shows_until_ctrl_c(
+    run: Run, refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write, count = CsvRecorder.write, iter(range(100))
+
+    def interrupted(self: CsvRecorder, moment: Moment) -> None:
+        write(self, moment)
+        if next(count) == 4:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(CsvRecorder, "write", interrupted)
+    run("robot", "show", "arm.toml", "--record", "run.csv")
+    moments = read_recording(Path("run.csv"))
+    assert [set(moment.positions) for moment in moments] == [{"base", "grip"}] * 5
+    assert moments[-1].time == pytest.approx(0.4, abs=0.1)
+    assert "leave --once" in refused("robot", "show", "arm.toml", "--once", "--record", "more.csv", code=2)

@@ -82,7 +82,7 @@ def teleop(
         )
         deadman.end = led.stop
         joints = [following[joint.name] for joint in led.joints]
-        write = stack.enter_context(recording(record, following, joints))
+        write = stack.enter_context(recording(record, following, joints, joints))
         if limp:
             for name in dict.fromkeys(lead.leader for lead in led.leading.leads.values()):
                 leading[name].torque_off()
