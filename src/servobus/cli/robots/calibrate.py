@@ -168,7 +168,8 @@ def _until_asked(arm: Robot, everyone: Sequence[RobotJoint], flow: Calibration, 
     """Read and show what is to be done, until there is a question; tell whether an angle is to be typed."""
     heard = arm.ports.now()
     while (joint := flow.current) is not None and not flow.asks:
-        seen, lost = arm.do(jobs.servo_angles(everyone))
+        mine = [one for one in everyone if any(_key(part) in joint.tracks for part in one.parts)]
+        seen, lost = arm.do(jobs.servo_angles(everyone if joint.step is Step.FIND else mine))
         now = arm.ports.now()
         flow.take(now, {_key(part): angle for part, angle in seen.items()})
         silent = [error for part, error in lost.items() if _key(part) in joint.tracks]
