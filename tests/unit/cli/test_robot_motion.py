@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from servobus import deg
-from servobus.cli.keys import FIRST, NEXT, HeldKey, Keys
+from servobus.cli.keys import Keys
 from servobus.robots.file.reading import read_file
 from servobus.robots.motion import motion_of
 from servobus.robots.recording import CsvRecorder, Moment, read_recording
@@ -182,20 +182,6 @@ def test_teleop_refuses_what_leads_nowhere(run: Run, refused: Callable[..., str]
         options = ("--no-deadman", "--map", text)
         code = 2 if "=" not in text else 1
         assert why in refused("teleop", "leader.toml", "follower.toml", *options, code=code)
-
-
-def test_a_key_that_is_held_is_told_from_its_repetitions() -> None:
-    key = HeldKey()
-    assert not key.held(0.0)
-    key.seen(1.0)
-    assert key.held(1.0 + FIRST - 0.01)
-    assert not key.held(1.0 + FIRST + 0.01)
-    key.seen(10.0)
-    key.seen(10.5)  # it repeats from now on
-    assert key.held(10.5 + NEXT - 0.01)
-    assert not key.held(10.5 + NEXT + 0.01)
-    key.seen(20.0)  # a first stroke again
-    assert key.held(20.0 + FIRST - 0.01)
 
 
 def test_joints_and_motions_are_offered() -> None:
