@@ -2,7 +2,7 @@
 
 import sys
 
-from bench import latency, reads, robot, startup, ticks, wire
+from bench import latency, play, reads, robot, startup, ticks, wire
 
 reads.main(sys.argv[1:])
 startup.main([])
@@ -14,3 +14,5 @@ print()
 ticks.main([])
 print()
 robot.main(["--quick"] if "--quick" in sys.argv else [])
+print()
+play.main(["--seconds", "3"] if "--quick" in sys.argv else [])

@@ -32,7 +32,15 @@ def snippets(page: Path) -> list[tuple[int, str]]:
 
 @pytest.mark.parametrize(
     "page",
-    [DOCS / "python.md", DOCS / "virtual.md", DOCS / "diagnosing.md", DOCS / "architecture.md", ROOT / "README.md"],
+    [
+        DOCS / "python.md",
+        DOCS / "virtual.md",
+        DOCS / "diagnosing.md",
+        DOCS / "calibrating.md",
+        DOCS / "motion.md",
+        DOCS / "architecture.md",
+        ROOT / "README.md",
+    ],
     ids=lambda page: page.name,
 )
 def test_snippets_run(page: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -88,6 +88,10 @@ def _is_ours() -> bool:
     try:
         if not sys.stdin.isatty():
             return False
-        return sys.platform == "win32" or os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
-    except (AttributeError, ValueError, OSError):
+        handle = sys.stdin.fileno()
+    except (AttributeError, ValueError, OSError):  # closed, or something that a test put there
         return False
+    try:
+        return sys.platform == "win32" or os.tcgetpgrp(handle) == os.getpgrp()
+    except OSError:  # a terminal, but not the one that this program belongs to: nobody else reads from it
+        return True

@@ -17,7 +17,7 @@ from servobus.core.registers import Register
 from servobus.core.units import said as said_value
 from servobus.core.values import frozen, replace
 from servobus.errors import NotRestored, ServobusError, UsageError
-from servobus.families.base import policy_register
+from servobus.families.base import Answers, policy_register
 from servobus.families.change import said, set_registers
 from servobus.jobs.backup import Backup, backup, compare, restore
 from servobus.jobs.make_safe import let_go
@@ -117,12 +117,13 @@ def write_settings(servo: Servo, settings: Sequence[Setting], *, torque_off: boo
     yield SetBaud(servo.baud)
     wanted = {one.row: one.wanted for one in settings if one.wanted is not None}
     kept = {one.row.name: wanted[one.row] for one in settings if one.kept and one.row in wanted}
-    yield from _write_ram(
-        servo, {row: raw for row, raw in wanted.items() if row.name not in kept}, torque_off=torque_off
-    )
+    ram = {row: raw for row, raw in wanted.items() if row.name not in kept}
+    yield from _write_ram(servo, ram, torque_off=torque_off)
     if kept:
         saved = Backup(servo.model, servo.firmware, servo.id, servo.baud, kept)
         yield from restore_servo(servo, saved, torque_off=torque_off)
+    if kept and ram and servo.target.answers is not Answers.NOTHING:
+        yield from _read_back(servo, ram)  # it may have restarted meanwhile
 
 
 def restore_servo(servo: Servo, saved: Backup, *, torque_off: bool = False) -> Procedure[list[str]]:

@@ -173,6 +173,8 @@ class Plan:
         lines = []
         for one in self.servos:
             told = _lines(one, offsets=offsets)
+            if one.driven and one.to_write(offsets=offsets):
+                told.append("  its torque is on: it has to go off before anything is written")
             lines += [f"{one.who}:", *told] if told else [f"{one.who}: as the file says"]
         count, kept = self.changes(offsets=offsets), self.eeprom_writes(offsets=offsets)
         lines.append(

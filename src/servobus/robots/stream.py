@@ -118,8 +118,11 @@ class Streamed(Turns[K]):
         return start
 
     def send(self, states: Mapping[str, State]) -> RobotJob[RobotResult]:
-        """Send the goals of a turn, and read all joints. Raises what ends the motion."""
-        result = yield from self.cycle.turn({name: state.position for name, state in states.items()})
+        """Send the goals of a turn, but not to silent joints, and read all. Raises what ends the motion."""
+        silent = self._supervision.silent
+        result = yield from self.cycle.turn(
+            {name: state.position for name, state in states.items() if name not in silent}
+        )
         yield from self._supervision.watch(states, result)
         return result
 

@@ -12,7 +12,8 @@ and acceleration.
     WAITING     the robots are too far apart at the start: it begins when each joint is within the gate
     STARTING    the follower comes slowly to where the leader is
     FOLLOWING   the follower follows
-    HOLDING     the follower stands: the leader does not answer, or the deadman is not held. From here it starts anew
+    HOLDING     the follower stands: the leader does not answer, a joint of it jumped as no hand can turn it, or the
+                deadman is not held. From here it starts anew
 
 Who waits for a person's hand needs little delay: `lag` tells how long a tick took from reading the leader to the goal.
 """
@@ -35,6 +36,7 @@ from servobus.robots.joint import Joint
 from servobus.robots.ports import BlockingPorts
 from servobus.robots.steps import RobotJob, Together
 from servobus.robots.stream import Streamed
+from servobus.robots.supervision import jumped
 from servobus.robots.trajectory.follower import BrakingFollower
 from servobus.robots.trajectory.limits import JointLimits
 from servobus.robots.trajectory.path import State
@@ -118,6 +120,9 @@ class Leading:
         }
         self._follower: BrakingFollower | None = None
         self._silent = 0
+        self._turn = 0
+        self._last: dict[str, tuple[int, float]] = {}
+        """Joint of the leader -> the turn in which it was read last, and its angle."""
 
     def begin(self, here: Mapping[str, float]) -> None:
         """Stand where the follower is, joint -> angle, rad."""
@@ -150,8 +155,22 @@ class Leading:
             self._hold(f"the leader does not answer: {', '.join(missing)}")
         elif not missing:
             goals, clamped = self.wanted(leader)
-            self._lead(goals)
+            if jumps := self._jumps(leader):
+                self._hold(f"the leader jumped as no hand can turn it: {', '.join(jumps)}")
+            else:
+                self._lead(goals)
+        self._turn += 1
+        self._last |= {name: (self._turn, angle) for name, angle in leader.items()}
         return self._follower.step(), clamped
+
+    def _jumps(self, leader: Mapping[str, float]) -> list[str]:
+        """Give the joints of the leader that are somewhere else than a hand can have turned them."""
+        found = []
+        for name, angle in leader.items():
+            turn, before = self._last.get(name, (self._turn, angle))
+            if jumped(before, angle, (self._turn + 1 - turn) * self.tick):
+                found.append(name)
+        return found
 
     def _hold(self, why: str) -> None:
         assert self._follower is not None

@@ -16,6 +16,7 @@ from servobus.errors import UsageError
 from servobus.robots.joint import Joint
 from servobus.robots.motion import Motion
 from servobus.robots.recording import Moment
+from servobus.robots.supervision import jumped
 from servobus.robots.trajectory.spline import spline
 
 TOLERANCE = 1 * deg
@@ -23,6 +24,8 @@ TOLERANCE = 1 * deg
 GAP = 0.25
 """s between two readings up to which those between them that were lost are interpolated; *assumption*: a hand does not
 turn round within it."""
+MANY = 3
+"""Times that are told one by one."""
 _SHAPE = "pchip"
 """It never swings beyond what was taught."""
 
@@ -36,6 +39,7 @@ class Kept:
     interpolated  joint -> readings that were lost for so short that they lie between their neighbours
     left_out      moments left out, because a joint was lost for longer
     clamped       joint -> rad by which it was outside its limits at most: it stays at the limit there
+    jumps         joint -> when it was seen somewhere else than a hand could have turned it, s
     """
 
     motion: Motion
@@ -43,6 +47,7 @@ class Kept:
     interpolated: Mapping[str, int]
     left_out: int
     clamped: Mapping[str, float]
+    jumps: Mapping[str, tuple[float, ...]]
 
     @property
     def notes(self) -> list[str]:
@@ -55,6 +60,12 @@ class Kept:
         said += [
             f"{joint} was up to {show(angle, 'rad')} outside its limits, and is kept within them"
             for joint, angle in self.clamped.items()
+        ]
+        said += [
+            f"{joint} jumped at {', '.join(f'{time:.2f} s' for time in times[:MANY])}"
+            f"{', and so on' if len(times) > MANY else ''}: look at its cable and its servo, and at the motion before "
+            "you play it"
+            for joint, times in self.jumps.items()
         ]
         return said
 
@@ -89,7 +100,13 @@ def kept(moments: Sequence[Moment], joints: Iterable[Joint], tolerance: float = 
         clamped |= {name: outside} if outside > 0 else {}
         poses[name] = tuple(min(max(angle, low), high) for angle in angles)
     motion = Motion(tuple(moments[n].time - moments[whole[0]].time for n in whole), poses, _SHAPE)
-    return Kept(thinned(motion, tolerance), len(moments), interpolated, len(moments) - len(whole), clamped)
+    jumps = {name: times for name in wanted if (times := _jumps(name, moments))}
+    return Kept(thinned(motion, tolerance), len(moments), interpolated, len(moments) - len(whole), clamped, jumps)
+
+
+def _jumps(name: str, moments: Sequence[Moment]) -> tuple[float, ...]:
+    readings = [(moment.time, moment.positions[name]) for moment in moments if name in moment.positions]
+    return tuple(time for (begun, before), (time, after) in pairwise(readings) if jumped(before, after, time - begun))
 
 
 def _filled(readings: Sequence[tuple[float, float | None]]) -> list[float | None]:

@@ -165,6 +165,18 @@ def test_torque_goes_off_after_a_question(run: Run, arm: Path, servos: list[Virt
         assert not servos[0].torque
 
 
+def test_of_a_pair_both_servos_go_limp(run: Run, arm: Path, servos: list[VirtualServo]) -> None:
+    arm.write_text(FILE[: FILE.index("[joint.elbow]")] + "[joint.shoulder.mirror]\nid = 2\nzero = '300deg'\n")
+    Path("hand.txt").write_text("press y\nwait 0.1\n")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            "servobus.cli.robots.calibrate._check_there", lambda arm, _: arm["shoulder"].parts[1].servo.torque_on()
+        )
+        result = run("robot", "calibrate", "arm.toml", "shoulder", "--script", "hand.txt", code=1)
+    assert "hold the arm: shoulder go limp" in result.stderr
+    assert not servos[1].torque
+
+
 def test_a_pose_outside_of_the_new_limits_is_told_and_nothing_is_lost(run: Run, arm: Path) -> None:
     arm.write_text(FILE + '[pose.high]\nshoulder = "120deg"\n')
     before = arm.read_text()

@@ -1,5 +1,7 @@
+import asyncio
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 
@@ -9,10 +11,13 @@ from hypothesis import strategies as st
 
 from samples import goal_range, one_model_of_each_family
 from servobus import MODELS, NotRestored, RobotFileError, UsageError
+from servobus.bus.asyncio import AsyncBus
+from servobus.robots.asyncio import AsyncRobot
 from servobus.robots.axis import Axis
 from servobus.robots.backups import Backups
 from servobus.robots.file.reading import read_text
 from servobus.robots.settings import limits_wanted
+from servobus.virtual.serve.inprocess import VirtualPort
 from unit.robots.virtual import Killed, Workshop
 
 JOINTS = """\
@@ -170,6 +175,7 @@ def test_a_driven_servo_is_refused_or_let_go(shop: Workshop) -> None:
             for part in joint.parts:
                 shop.servo(part.port, part.servo.id).turn_shaft(part.axis.to_servo(0.0))
         arm.lift.torque_on()
+        assert "its torque is on: it has to go off before anything is written" in str(arm.plan_settings())
         with pytest.raises(UsageError, match=r"lift \(RX-28 id 2 on left\), lift \(RX-28 id 3 on left\) is on"):
             arm.apply_settings()
         assert shop.memories() == before
@@ -272,6 +278,53 @@ def test_a_pulled_cable_is_told_and_the_rest_is_done_later(shop: Workshop) -> No
         while Backups(arm.file).latest() is not None:
             arm.undo_settings()
     assert shop.memories() == before
+
+
+@pytest.mark.parametrize("what", ["apply", "undo"])
+@pytest.mark.parametrize("request_", [2, 9, 14])
+def test_a_servo_that_restarts_meanwhile_is_right_in_the_end(tmp_path: Path, what: str, request_: int) -> None:
+    shop = Workshop(tmp_path, JOINTS[: JOINTS.index("[joint.lift]")], {"left": "rx28@1"})
+    before = shop.memories()
+    requests = count()
+
+    def restart(_: bytes) -> None:
+        if next(requests) == request_:
+            shop.before = lambda _: None
+            shop.unplug("left", 1)
+            shop.rigs["left"].plug(shop.rigs["left"].servos, shop.now)
+
+    with shop.open() as arm:
+        if what == "undo":
+            arm.apply_settings()
+        shop.before = restart
+        with suppress(NotRestored, UsageError):
+            arm.undo_settings() if what == "undo" else arm.apply_settings()
+        assert next(requests) > request_
+        for bus in arm.buses.values():
+            bus.transport.sleep(1.0)
+        if what == "apply":
+            arm.apply_settings()
+            assert shop.get(*RAM[0]) == RAM[1]
+            assert shop.get("left", 1, "ccw_angle_limit") == 818
+        while Backups(arm.file).latest() is not None:
+            arm.undo_settings()
+    assert shop.memories() == before
+
+
+def test_the_asynchronous_robot_does_the_same(shop: Workshop) -> None:
+    async def work() -> None:
+        file = read_text(shop.path.read_text(encoding="utf-8"), shop.path)
+        ports = {name: VirtualPort(name, rig, real=False) for name, rig in shop.rigs.items()}
+        arm = AsyncRobot(file, {name: AsyncBus(port, echo=False) for name, port in ports.items()}, incomplete=True)
+        async with arm:
+            plan = await arm.plan_settings()
+            assert plan.changes() == 9
+            await arm.apply_settings(plan)
+            assert held(shop) == WANTED
+            await arm.undo_settings()
+            assert (await arm.plan_settings()).changes() == 9
+
+    asyncio.run(work())
 
 
 def test_what_is_no_setting_is_refused_with_its_line() -> None:

@@ -1,5 +1,6 @@
 """Teleoperation of a virtual arm by another of other families, on the virtual clock."""
 
+import asyncio
 from collections.abc import Iterator
 from contextlib import ExitStack
 
@@ -10,7 +11,7 @@ from servobus import MotionError, Stopped, UsageError, deg
 from servobus.errors import UnknownName
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_text
-from servobus.robots.teleop import Lead, Phase, Teleop, TeleopTick
+from servobus.robots.teleop import AsyncTeleop, Lead, Phase, Teleop, TeleopTick
 from servobus.virtual.physics.motor import Load
 from unit.robots.played_arm import port_of, servos_of
 
@@ -181,3 +182,23 @@ def test_wrong_joints_are_refused(arms: tuple[Robot, Robot]) -> None:
         Teleop(leader, follower, {"base": "wrist"})
     with pytest.raises(UsageError, match="scale 0"):
         Teleop(leader, follower, {"base": Lead("base", scale=0)})
+
+
+def test_asynchronous_robots_do_the_same() -> None:
+    async def led() -> tuple[Phase, float]:
+        async with (
+            servobus.robot_async(read_text(LEADER)) as leader,
+            servobus.robot_async(read_text(FOLLOWER)) as follower,
+        ):
+            await follower.torque_on()
+            teleop = AsyncTeleop(leader, follower, {"base": Lead("base", offset=10 * deg)})
+            phase = Phase.WAITING
+            async for tick in teleop:
+                phase = tick.phase
+                if follower.ports.now() > 1.5:
+                    teleop.stop()
+            return phase, await follower["base"].position()
+
+    phase, angle = asyncio.run(led())
+    assert phase is Phase.FOLLOWING
+    assert angle == pytest.approx(10 * deg, abs=1 * deg)

@@ -15,6 +15,8 @@ from servobus.cli.output import note
 from servobus.cli.robots.person import ENTER, SPACE, AtTerminal, Person, Script, angle_text
 from servobus.cli.robots.settings import file_argument
 from servobus.cli.values import ANGLE, split_assignment
+from servobus.core.exchange import Procedure, SetBaud
+from servobus.core.registers import Register
 from servobus.core.units import deg, parse, show
 from servobus.errors import RobotFileError, RobotMismatch
 from servobus.robots import jobs
@@ -131,13 +133,17 @@ def _check_there(arm: Robot, names: Sequence[str]) -> None:
 
 def _go_limp(arm: Robot, names: Sequence[str], person: Person) -> None:
     """Switch the torque of these joints off, after the person has the arm in hand."""
-    states = arm.look()
-    driven = [name for name in names if name in states and states[name].torque]
+    driven = [name for name in names if any(arm.do(on(part.port, _torque(part))) for part in arm[name].parts)]
     if not driven:
         return
     if not person.yes(f"hold the arm: {', '.join(driven)} go limp. Go on?"):
         raise ServobusError("nothing was changed")
     arm.do(jobs.torque_off([arm[name] for name in driven]))
+
+
+def _torque(part: Part) -> Procedure[bool]:
+    yield SetBaud(part.servo.baud)
+    return (yield from part.servo.family.read_torque(part.servo.target)).on
 
 
 # The flow
@@ -162,7 +168,8 @@ def _until_asked(arm: Robot, everyone: Sequence[RobotJoint], flow: Calibration, 
     """Read and show what is to be done, until there is a question; tell whether an angle is to be typed."""
     heard = arm.ports.now()
     while (joint := flow.current) is not None and not flow.asks:
-        seen, lost = arm.do(jobs.servo_angles(everyone))
+        mine = [one for one in everyone if any(_key(part) in joint.tracks for part in one.parts)]
+        seen, lost = arm.do(jobs.servo_angles(everyone if joint.step is Step.FIND else mine))
         now = arm.ports.now()
         flow.take(now, {_key(part): angle for part, angle in seen.items()})
         silent = [error for part, error in lost.items() if _key(part) in joint.tracks]
@@ -221,9 +228,14 @@ def _offsets(arm: Robot, names: Sequence[str]) -> dict[Key, tuple[str, int]]:
     for part in (part for name in names for part in arm[name].parts):
         row = part.servo.model.optional("calibration")
         if row is not None:
-            (raw,) = arm.do(on(part.port, part.servo.family.read(part.servo.target, [row])))
-            found[_key(part)] = row.name, raw
+            found[_key(part)] = row.name, arm.do(on(part.port, _raw(part, row)))
     return found
+
+
+def _raw(part: Part, row: Register[Any]) -> Procedure[int]:
+    yield SetBaud(part.servo.baud)
+    (raw,) = yield from part.servo.family.read(part.servo.target, [row])
+    return raw
 
 
 def _offsets_kept(flow: Calibration, offsets: Mapping[Key, tuple[str, int]]) -> dict[tuple[str, ...], Any]:
@@ -311,7 +323,10 @@ def _read_back(there: RobotFile, made: RobotFile, names: Sequence[str]) -> None:
 
 def _test(joint: RobotJoint, arm: Robot, person: Person) -> None:
     """Let a joint move to and fro as long as a key is held. Its torque is off before and afterwards."""
-    if not person.yes(f"test {joint.name}: its torque comes on, and it moves while SPACE is held. Test it?"):
+    if not person.yes(
+        f"test {joint.name}: hold the arm, for it is limp again at the end. Its torque comes on, and it moves while "
+        "SPACE is held. Test it?"
+    ):
         return
     joint.torque_on()
     try:

@@ -181,8 +181,11 @@ def _make(format: Format, data: bytes, given: Given, output: str | None) -> None
     draft = format.new(data, given)
     _check_used(format, given)
     text = draft_text(draft, "robot" if output is None else plain_name(Path(output).stem))
-    if output is None:
+    try:
         read_text(text)
+    except RobotFileError as error:
+        raise FormatError(f"{given.source}: what it says makes no robot file: {error}") from None
+    if output is None:
         click.echo(text, nl=False)
     else:
         create(output, text)

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -50,8 +50,13 @@ def drawn(table: Callable[[], "RenderableType"], *, wanted: bool) -> Iterator[No
     from rich.live import Live  # noqa: PLC0415 - slow to import, and only wanted on terminals
 
     sys.setswitchinterval(SWITCH_INTERVAL)
-    with Live(console=console(stderr=True), get_renderable=table, refresh_per_second=DRAWN, transient=True):
+    live = Live(console=console(stderr=True), get_renderable=table, refresh_per_second=DRAWN, transient=True)
+    live.start()
+    try:
         yield
+    finally:
+        with suppress(OSError):  # a terminal that is gone
+            live.stop()
 
 
 def joint_table(

@@ -157,7 +157,7 @@ def _read(data: bytes, source: str) -> _Group:
             cursor = database.execute('SELECT * FROM "ActionGroup" ORDER BY "Index"')
             columns = [column[0] for column in cursor.description]
             found = cursor.fetchall()
-    except (sqlite3.Error, OverflowError) as error:
+    except (sqlite3.Error, OverflowError, UnicodeError) as error:
         raise FormatError(f"{source}: this is no action group, which has a table ActionGroup: {error}") from None
     places = {int(match[1]): at for at, name in enumerate(columns) if (match := re.fullmatch(r"Servo(\d+)", name))}
     if "Time" not in columns or not places:

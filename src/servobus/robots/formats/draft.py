@@ -31,15 +31,20 @@ def _lines(draft: Draft, name: str) -> Iterator[str]:
 
 def _comment(sentences: Iterable[str]) -> Iterator[str]:
     for sentence in sentences:
-        yield from textwrap.wrap(sentence, WIDTH, initial_indent="# ", subsequent_indent="#   ")
+        yield from textwrap.wrap(_plain(sentence), WIDTH, initial_indent="# ", subsequent_indent="#   ")
 
 
 def _table(path: tuple[str, ...], values: Mapping[str, Any]) -> Iterator[str]:
     yield ""
     yield f"[{'.'.join(path)}]"
     for key, value in values.items():
-        shown, remark = (value.value, f"  # {value.remark}") if isinstance(value, Noted) else (value, "")
+        shown, remark = (value.value, f"  # {_plain(value.remark)}") if isinstance(value, Noted) else (value, "")
         if shown is not None:
             yield f"{key} = {tomlkit.item(shown).as_string()}{remark}"
         else:
             yield f"# {key}:{remark[3:]}"
+
+
+def _plain(text: str) -> str:
+    """Give a text for a comment: no line breaks, and no characters that TOML does not allow there."""
+    return "".join(sign if sign.isprintable() else "?" for sign in text)

@@ -11,6 +11,7 @@ import json
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from servobus.core.ids import LAST_ID
 from servobus.core.units import deg
 from servobus.errors import FormatError
 from servobus.families.model import Model
@@ -172,6 +173,8 @@ def _read(data: bytes, source: str) -> dict[str, Calibration]:
             if isinstance(value, bool) or not isinstance(value, int):
                 raise FormatError(f"{source}: {key} of {shown(name)} is {shown(value)}, which is no whole number")
         one = Calibration(**entry)
+        if not 0 <= one.id <= LAST_ID:
+            raise FormatError(f"{source}: the id of {shown(name)} is {one.id}; ids are 0 to {LAST_ID}")
         if one.drive_mode not in (0, 1):
             raise FormatError(f"{source}: drive_mode of {shown(name)} is {one.drive_mode}; LeRobot writes 0 or 1")
         if not one.range_min < one.range_max:

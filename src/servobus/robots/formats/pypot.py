@@ -18,6 +18,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any
 
+from servobus.core.ids import LAST_ID
 from servobus.core.units import finite
 from servobus.errors import FormatError
 from servobus.families import registry
@@ -66,6 +67,8 @@ BAUD = 1_000_000
 TURN, REST = ("MX", 360.0), 300.0
 """Degrees that all counts of a servo are to pypot, of those whose type begins so, and of the others."""
 PLACES = 4
+MOST = 1e5
+"""Degrees beyond which a number is no angle any more."""
 LACKS = (
     "A configuration of pypot has no speed of the bus: pypot speaks at 1 Mbit/s.",
     "It has no greatest speed of a joint, no gear, no poses and no motions.",
@@ -191,8 +194,11 @@ def _joint(source: str, name: str, entry: Mapping[str, Any], model: type[Model])
     direction = 1 if entry.get("orientation") == "direct" else -1
     offset = _number(entry, "offset", name, source)
     zero = rounded(to_angle(scale, _count(direction * offset, kind, most)))
+    id = entry.get("id")
+    if isinstance(id, bool) or not isinstance(id, int) or not 0 <= id <= LAST_ID:
+        raise FormatError(f"{source}: the id of {shown(name)} is {shown(id)}; ids are 0 to {LAST_ID}")
     values: dict[str, Any] = {
-        "id": entry.get("id"),
+        "id": id,
         "baud": BAUD,
         "zero": Noted(quantity(zero, "rad"), f"offset {offset:g}°, after the sign"),
         "direction": Noted(direction, f"orientation {shown(entry.get('orientation'))}"),
@@ -210,7 +216,7 @@ def _joint(source: str, name: str, entry: Mapping[str, Any], model: type[Model])
         ends = Axis(zero, direction).range_to_joint(*(to_angle(scale, count) for count in counts))
         values["limits"] = Noted(written(*ends), f"angle_limit {low:g}° to {high:g}°, of the servo")
     if entry.get("broken"):
-        values["id"] = Noted(values["id"], "pypot has it as broken")
+        values["id"] = Noted(id, "pypot has it as broken")
     return values
 
 
@@ -257,7 +263,7 @@ def _names(table: Any, key: str, source: str) -> list[str]:
 
 def _number(entry: Mapping[str, Any], key: str, name: str, source: str) -> float:
     number = finite(entry.get(key))
-    if number is None:
+    if number is None or abs(number) > MOST:
         raise FormatError(f"{source}: {key} of {shown(name)} is {shown(entry.get(key))}, which is no number of degrees")
     return float(number)
 
@@ -265,7 +271,7 @@ def _number(entry: Mapping[str, Any], key: str, name: str, source: str) -> float
 def _limits(entry: Mapping[str, Any], name: str, source: str) -> tuple[float, float]:
     ends = entry.get("angle_limit")
     numbers = [finite(end) for end in ends] if isinstance(ends, list) else []
-    if len(numbers) != 2 or numbers[0] is None or numbers[1] is None or not numbers[0] < numbers[1]:
+    if len(numbers) != 2 or numbers[0] is None or numbers[1] is None or not -MOST < numbers[0] < numbers[1] < MOST:
         raise FormatError(
             f"{source}: angle_limit of {shown(name)} is {shown(ends)}; it has the lower limit first, then the upper, "
             "in degrees of the servo"
