@@ -11,6 +11,7 @@ from samples import answer_levels, can_be_silenced
 from servobus import MODELS, Bus
 from servobus.bus.asyncio import AsyncBus
 from servobus.bus.servo import Servo
+from servobus.errors import PortLost
 from servobus.families.base import Answers
 from servobus.transports.base import Transport
 from servobus.virtual.device.servo import VirtualServo
@@ -23,6 +24,7 @@ class Lossy(Transport):
     requests     what was sent since `lose`, bytes
     lose         forget what was sent so far; from now on lose the request or the reply with this number, from 1 on
     on_request   called with each request before it goes out; False loses it
+    unplugged    whether the port is gone for whoever reads
     """
 
     def __init__(self, spec: str) -> None:
@@ -32,6 +34,7 @@ class Lossy(Transport):
         self.on_request: Callable[[bytes], bool] | None = None
         self._lost_request = self._lost_reply = 0
         self._deaf = False
+        self.unplugged = False
 
     def lose(self, *, request: int = 0, reply: int = 0) -> None:
         self.requests = []
@@ -54,6 +57,8 @@ class Lossy(Transport):
 
     def read(self, timeout: float) -> bytes:
         data = self.port.read(timeout)
+        if self.unplugged:
+            raise PortLost("the port is gone")
         return b"" if self._deaf else data
 
     def set_baud(self, baud: int) -> None:

@@ -24,7 +24,7 @@ from servobus.bus.servo import Servo
 from servobus.core.exchange import Exchange, Job
 from servobus.core.operation import Awaiting, Priority
 from servobus.core.registers import Register
-from servobus.errors import UsageError
+from servobus.errors import PortError, UsageError
 from servobus.families.base import KnownServo
 from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
@@ -281,7 +281,11 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
             wait = next(waits)
             while True:
                 if isinstance(wait, Receive):
-                    heard = await self._reader.read(wait.seconds)
+                    try:
+                        heard = await self._reader.read(wait.seconds)
+                    except PortError as error:
+                        wait = waits.throw(error)
+                        continue
                 elif wait.shared:
                     self.line.give_way(turn)
                     await self._pause(wait.seconds)

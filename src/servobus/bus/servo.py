@@ -5,7 +5,7 @@ out and gives the result, or an awaitable of it.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from enum import IntFlag
 from typing import Any, TypeVar
 
@@ -366,8 +366,11 @@ class Servo(Closed):
     @bus_method
     def change_baud(self, baud: int) -> Procedure[None]:
         """Set the servo to another speed and check that it answers there; see `change_id` for a line that fails."""
+        old = self.baud
         self._follow(self.id, (yield from reconfigure.change_baud(self.target, check_baud(baud))))
-        yield from self._meet_again(self.id)
+        said = f"it talks at {self.baud} baud now, and talked at {old} before: change_baud({old}) undoes that"
+        with reconfigure.telling_before({"baud": old}, said) if self.baud != old else nullcontext():
+            yield from self._meet_again(self.id)
 
     @bus_method
     def backup(self) -> Procedure[Backup]:

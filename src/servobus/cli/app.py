@@ -4,8 +4,10 @@ A verb's module is imported when the verb is used. What help says about it stand
 """
 
 import importlib
+import os
 import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, ClassVar
 
 import click
@@ -143,7 +145,22 @@ class App(VerbGroup):
 
 def _explain(error: OSError) -> str:
     reason = error.strerror or str(error)
+    if isinstance(error, FileNotFoundError) and error.filename is not None:
+        return _explain_missing(Path(os.fsdecode(error.filename)))
     return f"{error.filename}: {reason}" if error.filename is not None else reason
+
+
+def _explain_missing(path: Path) -> str:
+    """Say what there is not, a file or its folder, and what can be done."""
+    folder = path.absolute().parent
+    if not folder.is_dir():
+        return f"{path}: there is no folder {folder}; make it first, or name another file"
+    import difflib  # noqa: PLC0415 - only ever needed for this message
+
+    names = [one.name for one in folder.iterdir()] if os.access(folder, os.R_OK) else []
+    near = difflib.get_close_matches(path.name, names, n=1)
+    hint = f"did you mean {path.with_name(near[0])}?" if near else f"look for it in {folder}"
+    return f"{path}: there is no such file; {hint}"
 
 
 def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:

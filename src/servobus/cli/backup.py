@@ -1,5 +1,6 @@
 """`backup` and `restore`: the settings of a servo as a file."""
 
+import re
 import shlex
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -42,6 +43,9 @@ def backup(
     several = are_several(ids)
     if several and file is not None and "{id}" not in file:
         raise click.UsageError(f"{file} is one file for several servos: write {{id}} in it, as in 'arm-{{id}}.toml'")
+    if file is not None and (unknown := set(re.findall(r"\{.*?\}", file)) - {"{id}", "{model}"}):
+        named = ", ".join(sorted(unknown))
+        raise click.UsageError(f"{file}: nothing stands for {named}; {{id}} and {{model}} stand for those of the servo")
     if json and file == "-":
         raise click.UsageError("--json tells of files: `-` prints the settings themselves")
     with open_port(port) as bus, json_entries(several=several) if json else nullcontext() as entries:

@@ -12,6 +12,7 @@ from servobus.core.ids import LAST_ID
 from servobus.errors import NoReply, ServobusError, UnknownName, UsageError
 from servobus.families import registry
 from servobus.families.base import Family, Model
+from servobus.families.explain import id_list
 from servobus.jobs.scan import ScanResult, scan, unknown_model
 
 TRIES = 2
@@ -92,11 +93,18 @@ class Search:
 
     servos   those that are, in the order in which they were asked for
     missing  id -> why this one cannot be used, for the others
+    silent   those of the missing ids that no servo answers to
     """
 
     def __init__(self) -> None:
         self.servos: list[BusServo] = []
         self.missing: dict[int, ServobusError] = {}
+        self.silent: list[int] = []
+
+    def failures(self, bus: Bus, where: Where) -> list[ServobusError]:
+        """Give what is the matter with the missing ones: one error for all that are silent, one for each other."""
+        errors = [error for id, error in self.missing.items() if id not in self.silent]
+        return [*errors, NoReply(_unanswered(bus, where, self.silent))] if self.silent else errors
 
 
 def search(bus: Bus, where: Where, ids: Ids, *, shared: bool = False) -> Search:
@@ -121,6 +129,8 @@ def search(bus: Bus, where: Where, ids: Ids, *, shared: bool = False) -> Search:
             outcome.servos += _identified(bus, where, id, result, shared=shared or ids == ALL, named=ids != ALL)
         except ServobusError as error:
             outcome.missing[id] = error
+            if id not in {one.id for one in result.found} | {one.id for one in result.troubles}:
+                outcome.silent.append(id)
     if ids == ALL and not outcome.servos:
         raise next(iter(outcome.missing.values()), NoReply(f"{bus.transport.name}: no servo answers ({where})"))
     return outcome
@@ -143,8 +153,14 @@ def _identified(
         raise trouble.error
     if not named:
         return []
-    hint = "is it powered and connected?" if where.baud == ALL else "is it powered? `--baud all` tries every speed"
-    raise NoReply(f"{bus.transport.name}: no servo answers to id {id} (tried {where}); {hint}")
+    raise NoReply(_unanswered(bus, where, [id]))
+
+
+def _unanswered(bus: Bus, where: Where, ids: Sequence[int]) -> str:
+    """Say that no servo answers to these ids, and what can be tried next."""
+    powered = "is it powered" if len(ids) == 1 else "are they powered"
+    hint = f"{powered} and connected?" if where.baud == ALL else f"{powered}? `--baud all` tries every speed"
+    return f"{bus.transport.name}: no servo answers to {id_list(ids)} (tried {where}); {hint}"
 
 
 def _ambiguous(id: int, servos: Sequence[BusServo]) -> str:
@@ -167,7 +183,7 @@ def find(bus: Bus, where: Where, id: int) -> BusServo:
 def find_all(bus: Bus, where: Where, ids: Ids, *, shared: bool = False) -> list[BusServo]:
     """Find servos, or none if one of them cannot be used: then raise what is the matter with that; see `search`."""
     outcome = search(bus, where, ids, shared=shared)
-    for error in outcome.missing.values():
+    for error in outcome.failures(bus, where):
         raise error
     return outcome.servos
 
@@ -175,7 +191,7 @@ def find_all(bus: Bus, where: Where, ids: Ids, *, shared: bool = False) -> list[
 def for_each(bus: Bus, where: Where, ids: Ids, action: Callable[[BusServo], None]) -> None:
     """Do something with each servo that is meant and there; what went wrong with the others is raised at the end."""
     outcome = search(bus, where, ids)
-    failures = list(outcome.missing.values())
+    failures = outcome.failures(bus, where)
     for servo in outcome.servos:
         try:
             action(servo)

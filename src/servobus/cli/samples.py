@@ -83,7 +83,7 @@ class Sampler:
 
     def __init__(self, bus: Bus, where: Where, ids: Ids, names: Sequence[str], period: float) -> None:
         found = search(bus, where, ids)
-        errors = list(found.missing.values())
+        errors = found.failures(bus, where)
         if not found.servos:
             raise errors[0]
         self._bus, self._names = bus, list(dict.fromkeys(names))

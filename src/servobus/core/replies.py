@@ -54,6 +54,11 @@ class ReplyCollector:
         """Good packets that are none of the replies, or a second one to the same question."""
         self.corrupt = self.junk = 0
         """Packets with a wrong checksum, and bytes that were no packet."""
+        self._last: int | None = None
+        """The number of the packet that came last."""
+        self._noise_last = False
+        self._beside_noise: set[int] = set()
+        """Numbers of the replies right before or behind something that is no packet."""
         self._lateness: dict[int, float] = {}
         """Number of an exchange -> s by which the latest of its replies so far came later than its bits allow."""
         self._open = len(self.expected)
@@ -217,6 +222,10 @@ class ReplyCollector:
             return self._failure() if len(self.expected) == 1 else self._failure_among_several(n)
         if sum(map(reply.fits, self.strangers)) > older:
             return self.duplicate(n)
+        if len(self.exchanges) > 1 and self.noisy and n in self._beside_noise:
+            # Two replies that met can leave one that fits its checksum by chance, and the rest of the other.
+            said = "an answer and noise right beside it, while others were asked too: two answers that met?"
+            return Garbled(f"{self._name(n)}: {said}", bytes(self.heard))
         try:
             return exchange.interpreter(reply)(packet)
         except BusError as error:
@@ -273,14 +282,22 @@ class ReplyCollector:
     def _sort(self, events: Sequence[Event]) -> list[Arrival]:
         arrivals: list[Arrival] = []
         for event in events:
-            if isinstance(event, Corrupt):
-                self.corrupt += 1
-            elif isinstance(event, Noise):
-                self.junk += len(event.raw)
+            if isinstance(event, Corrupt | Noise):
+                if isinstance(event, Corrupt):
+                    self.corrupt += 1
+                else:
+                    self.junk += len(event.raw)
+                self._noise_last = True
+                if self._last is not None:
+                    self._beside_noise.add(self._last)
             elif self._echoes and (frame := self.exchanges[0].framing.frame(event)) in self._echoes:
                 self._echoes.remove(frame)
             else:
-                arrivals.append((self._assign(event), event))
+                self._last = self._assign(event)
+                if self._noise_last and self._last is not None:
+                    self._beside_noise.add(self._last)
+                self._noise_last = False
+                arrivals.append((self._last, event))
         return arrivals
 
     def _assign(self, packet: Packet) -> int | None:

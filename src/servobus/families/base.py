@@ -467,6 +467,10 @@ class Family(ABC):
         gives the registers their names and units; without it they stay bytes at an address.
         """
 
+    def explain_to_several(self, packet: Packet, models: Sequence[type[Model] | None]) -> str:  # noqa: ARG002 - for families that can
+        """Say in words what a request asks of servos of several models, in the order of `concerns`."""
+        return self.explain(packet)
+
     def concerns(self, packet: Packet) -> tuple[int, ...]:
         """Give the ids of the servos whose registers a packet is about; the broadcast id where it lists none."""
         return (packet.id,)

@@ -32,6 +32,7 @@ class Backup:
             f'firmware = "{self.firmware}"',
             f"id = {self.id}",
             f"baud = {self.baud}",
+            f"count = {len(self.values)}",
             "",
             "[settings]  # raw values",
         ]
@@ -45,7 +46,8 @@ class Backup:
     def parse(cls, text: str) -> "Backup":
         """Read a backup file. Raises UsageError for anything that is not one, with the line and the key.
 
-        A value that the register does not take is no damage: a servo may have been found with it.
+        A value that the register does not take is no damage: a servo may have been found with it. A file that was cut
+        off behind a whole line is told by its `count`, which those of older versions lack.
         """
         import tomllib  # noqa: PLC0415 - slow to import, and only needed to restore
 
@@ -71,6 +73,18 @@ class Backup:
             if row.name in values:
                 raise UsageError(f"the backup is damaged: {row.name} stands in it twice, once as an alias")
             values[row.name] = raw
+        *before, last = text.splitlines()
+        if not text.endswith("\n") and "=" in last and "#" not in last:  # its value may be cut: 3 of 36
+            raise UsageError(
+                f"the backup is damaged: it ends within line {len(before) + 1} ({last.strip():.60}): take a whole "
+                "copy, or end that line"
+            )
+        have = len(values)
+        if (count := data.get("count", have)) != have:
+            raise UsageError(
+                f"the backup is damaged: count{_where(text, 'count')} says {count} settings, and {have} are here; take"
+                "  a whole copy, or correct count if lines were taken out on purpose"
+            )
         return cls(model, data["firmware"], data["id"], data["baud"], values)
 
 

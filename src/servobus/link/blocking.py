@@ -5,6 +5,7 @@
 
 from typing import TypeVar
 
+from servobus.errors import PortError
 from servobus.link.link import Link
 from servobus.link.ownership import LineOwnership, Turn
 from servobus.link.waits import Receive, Waits
@@ -27,7 +28,11 @@ def run_blocking(link: Link, waits: Waits[T], line: LineOwnership, turn: Turn) -
         wait = next(waits)
         while True:
             if isinstance(wait, Receive):
-                heard = transport.read(wait.seconds)
+                try:
+                    heard = transport.read(wait.seconds)
+                except PortError as error:
+                    wait = waits.throw(error)  # a job that has begun a change can say how far it came
+                    continue
             elif wait.shared:
                 line.give_way(turn)
                 _rest(link, transport, wait.seconds)

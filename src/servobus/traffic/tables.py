@@ -33,11 +33,16 @@ class Tables:
             return unknown(family) or first_model(family)
         if not self._told:
             return None
-        models = {self._told.get((family.name, id)) for id in family.concerns(packet)}
+        models = set(self._of_each(family, packet))
         return models.pop() if len(models) == 1 else None
+
+    def _of_each(self, family: Family, packet: Packet) -> tuple[type[Model] | None, ...]:
+        return tuple(self._told.get((family.name, id)) for id in family.concerns(packet))
 
     def explain(self, family: Family, packet: Packet, request: Packet | None = None) -> str:
         """Say what a packet asks or, behind its request, answers."""
+        if request is None and self._said is None and len(set(models := self._of_each(family, packet))) > 1:
+            return family.explain_to_several(packet, models)
         return _explained(family, packet, request, self.of(family, packet))  # type: ignore[arg-type] # a class is hashable
 
     def answer(self, family: Family, packet: Packet, request: Packet) -> str:

@@ -83,13 +83,23 @@ def test_a_backup_goes_to_a_file_of_ones_choice_or_to_stdout(run: Run, refused: 
     run("backup", RX, 3, "elbow.toml", "--force")
     assert Backup.parse(Path("elbow.toml").read_text()).id == 3
     assert Backup.parse(run("backup", RX, 1, "-").stdout).id == 1
-    assert "no-folder" in refused("backup", RX, 1, "no-folder/elbow.toml")
+    folder = f"there is no folder {Path('no-folder').absolute()}; make it first, or name another file"
+    assert refused("backup", RX, 1, "no-folder/elbow.toml") == f"servobus: no-folder/elbow.toml: {folder}\n"
+
+
+def test_a_name_with_something_else_in_braces_is_refused(run: Run) -> None:
+    result = run("backup", RX, "1", "-o", "arm-{foo}-{id}.toml", code=2)
+    assert "nothing stands for {foo}; {id} and {model} stand for those of the servo" in " ".join(result.stderr.split())
+    assert list(Path().glob("arm*")) == []
 
 
 def test_files_that_are_no_backup(run: Run, refused: Callable[..., str]) -> None:
     Path("notes.toml").write_text("hello")
     Path("noise.toml").write_bytes(b"\xff\xfe\x00")
-    assert refused("restore", RX, 1, "missing.toml") == "servobus: missing.toml: No such file or directory\n"
+    said = "there is no such file; did you mean notes.toml?"
+    assert refused("restore", RX, 1, "note.toml") == f"servobus: note.toml: {said}\n"
+    said = f"there is no such file; look for it in {Path.cwd()}"
+    assert refused("restore", RX, 1, "missing.x") == f"servobus: missing.x: {said}\n"
     assert "notes.toml: this is not a backup file" in refused("restore", RX, 1, "notes.toml")
     assert "noise.toml: this is not a backup file" in refused("restore", RX, 1, "noise.toml")
     run("backup", RX, 1, "rx.toml")
@@ -205,15 +215,15 @@ def test_T4_a_damaged_file_is_named_by_line_and_key(run: Run, refused: Callable[
     run("backup", RX, 1, "rx.toml")
     text = Path("rx.toml").read_text()
     Path("bad.toml").write_text(text.replace("max_torque = 1023", "max_torque = 10x3"))
-    assert "bad.toml: this is not a backup file, or it is damaged: line 17 (max_torque = 10x3" in refused(
+    assert "bad.toml: this is not a backup file, or it is damaged: line 18 (max_torque = 10x3" in refused(
         "restore", RX, 1, "bad.toml"
     )
     Path("bad.toml").write_text(text.replace("max_torque = 1023", "max_torque = 102.3"))
-    assert "max_torque in line 17 is 102.3" in refused("restore", RX, 1, "bad.toml")
+    assert "max_torque in line 18 is 102.3" in refused("restore", RX, 1, "bad.toml")
     Path("bad.toml").write_text("")
     assert refused("restore", RX, 1, "bad.toml") == "servobus: bad.toml: the file is empty: it holds no backup\n"
     Path("bad.toml").write_bytes(text.encode().replace(b"alarm_led = 36", b"alarm_led = \xff"))
-    assert "line 19 is no text" in refused("restore", RX, 1, "bad.toml")
+    assert "line 20 is no text" in refused("restore", RX, 1, "bad.toml")
 
 
 def test_T4_a_backup_of_another_id_is_asked_about(run: Run) -> None:
@@ -225,10 +235,15 @@ def test_T4_a_backup_of_another_id_is_asked_about(run: Run) -> None:
     assert "the id stays 2" in result.stderr
 
 
-def test_T4_what_a_shorter_backup_lacks_is_told(run: Run) -> None:
+def test_T4_what_a_shorter_backup_lacks_is_told(run: Run, refused: Callable[..., str]) -> None:
     run("backup", RX, 1, "rx.toml")
     text = Path("rx.toml").read_text()
-    Path("short.toml").write_text("".join(line for line in text.splitlines(True) if "alarm_led" not in line))
+    short = "".join(line for line in text.splitlines(True) if "alarm_led" not in line)
+    Path("short.toml").write_text(short)
+    assert "short.toml: the backup is damaged: count in line 6 says 13 settings, and 12 are here" in refused(
+        "restore", RX, 1, "short.toml", "--yes"
+    )
+    Path("short.toml").write_text(short.replace("count = 13", "count = 12"))
     assert "the backup lacks alarm_led: what the servo has there stays" in run("restore", RX, 1, "short.toml").stderr
 
 

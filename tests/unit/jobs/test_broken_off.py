@@ -1,5 +1,6 @@
 """Changes that break off half-way: what was there before is told, and one call brings it back."""
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -79,19 +80,33 @@ def test_N23_turn_that_breaks_off_tells_the_limits(driver: str, how: str) -> Non
     assert told > count / 2
 
 
+def unplug_behind(bench: Bench, number: int) -> None:
+    """Have the port go when the request of this number is out, and before its reply is read."""
+    seen = 0
+
+    def watch(_request: bytes) -> bool:
+        nonlocal seen
+        seen += 1
+        bench.line.unplugged = seen >= number
+        return True
+
+    bench.line.on_request = watch
+
+
 @CHOSEN_DRIVERS
+@pytest.mark.parametrize("cut", [cut_from, unplug_behind])
 @sample_models
-def test_N23_an_id_that_may_have_changed_is_told(key: str, driver: str) -> None:
+def test_N23_an_id_that_may_have_changed_is_told(key: str, cut: Callable[[Bench, int], None], driver: str) -> None:
     """The line goes at each packet: the servo has one of two ids, and the error names the old one."""
     bench = Bench(key, driver)
     bench.line.lose()
     bench.do(lambda servo: servo.change_id(7))
     for number in range(3, len(bench.line.requests) + 1):
         bench = Bench(key, driver)
-        cut_from(bench, number)
-        with pytest.raises(NoReply) as caught:
+        cut(bench, number)
+        with pytest.raises((NoReply, PortLost)) as caught:
             bench.do(lambda servo: servo.change_id(7))
-        bench.line.on_request = None
+        bench.line.on_request, bench.line.unplugged = None, False
         bench.line.sleep(1.0)
         if bench.real.id != 5:
             assert caught.value.before["id"] == 5
@@ -118,6 +133,7 @@ def test_N23_a_speed_that_may_have_changed_is_told(key: str) -> None:
         bench.line.sleep(1.0)
         if bench.servo.baud == new:
             assert bench.at() == bench.really_at()  # it was changed, and the object knows
+            assert failure is None or failure.before["baud"] == old
         elif bench.really_at()[1] != old or bench.stored("baud") != MODELS[key].register("baud").default:
             seen += 1
             assert failure is not None

@@ -16,6 +16,7 @@ from servobus.core.exchange import Batch, Exchange, Procedure
 from servobus.errors import DuplicateId
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.serve.inprocess import VirtualPort
+from unit.scripted import Scripted
 
 POSITION = 58
 """RAM address of Calibrated Position (4-2 NO 53)."""
@@ -241,6 +242,18 @@ class TestOneWire:
                 assert isinstance(seen, BusError) or seen == (100 + id).to_bytes(2, "little")
                 right += not isinstance(seen, BusError)
         assert right > 60 * 10 * 0.6
+
+
+def test_two_answers_that_met_are_not_taken_even_where_the_checksum_fits() -> None:
+    """The header of the second, 20 bits into the first, pulls bit 7 of the last three bytes down: FF 01 F9 to 7F 01 79.
+
+    Both are packets: 2 + 4 + 0x1FF and 2 + 4 + 0x17F, each with its checksum (RX-28 manual, 3-2). What is left of the
+    second answer stands right behind.
+    """
+    port = Scripted("FF FF 02 04 00 7F 01 79 03 04 00 FF 01 F8", None, baud=1_000_000)
+    questions: list[Exchange[Any]] = [dynamixel1.read_data(id, 36, 2) for id in (2, 3)]
+    outcomes = Bus(port, echo=False).do(volley(questions, again=False))
+    assert [type(outcome) for outcome in outcomes] == [Garbled, Garbled]
 
 
 def test_after_a_lost_answer_a_single_question_takes_care() -> None:

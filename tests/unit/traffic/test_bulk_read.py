@@ -56,6 +56,24 @@ def values(events: list[TrafficEvent]) -> list[tuple[int | None, str]]:
     return [(event.id, event.text.split(", ", 1)[-1]) for event in events if event.kind is EventKind.ANSWER]
 
 
+def test_a_request_to_different_models_names_the_registers_of_each() -> None:
+    """An MX-64 has Current at 68 (its e-manual), an MX-28 nothing; of servo 3 the model was never told."""
+    request = bulk_read(POSITION.format(1), "02 02 44", POSITION.format(3))
+    events, _ = listen("mx28@1,mx64@2,mx28@3", who(1), who(2), request)
+    assert told(events, request)[0].text == (
+        "BULK_READ to all, for ids 1, 2, 3: id 1: 2 bytes from address 36, present_position; id 2: 2 bytes from "
+        "address 68, present_current; id 3: 2 bytes from address 36"
+    )
+
+
+def test_goals_to_different_models_are_told_in_the_units_of_each() -> None:
+    request = frame("FE 0A 83 1E 02 01 00 04 02 00 04")
+    events, _ = listen("ax12a@1,mx28@2", who(1), who(2), request)
+    assert told(events, request)[0].text == (  # 1024 of 4096 steps; beyond the 1023 of an AX-12A
+        "SYNC_WRITE to all, for ids 1, 2: id 1: goal_position out of range (raw 0x0400); id 2: goal_position 90.0°"
+    )
+
+
 @pytest.mark.parametrize("hides", [False, True], ids=["between", "listening"])
 def test_each_answer_is_told_with_the_registers_of_its_servo(hides: bool) -> None:
     request = bulk_read(POSITION.format(3), VOLTAGE.format(1), POSITION.format(2))

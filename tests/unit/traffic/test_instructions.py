@@ -193,7 +193,7 @@ def test_T6_it_tells_the_model_of_that_servo_alone() -> None:
     assert events[-1].text == "READ_DATA id 2: 2 bytes from address 36"
     both = frame("FE 0A 83 1E 02 01 00 02 02 00 02")
     assert (
-        "id 1: address 30: 00 02; id 2: address 30: 00 02"
+        "id 1: goal_position 150.1°; id 2: address 30: 00 02"
         in watch((0.0, OUT, NUMBER), (0.002, IN, RX), (0.1, OUT, both))[-1].text
     )
 

@@ -3,6 +3,8 @@
 Packets and their sources: servobus.families.dynamixel.protocol.
 """
 
+from collections.abc import Sequence
+
 from servobus.core.exchange import ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST
@@ -32,12 +34,18 @@ def explain(packet: Packet, request: Packet | None, model: type[Model] | None) -
     asked = _asked(packet, request)
     if asked is None:
         try:
-            return _say_instruction(parse_instruction(packet), model)
+            message = parse_instruction(packet)
+            return _say_instruction(message, [model] * len(concerns(packet)))
         except ValueError as error:
             if _only_instruction(packet):
                 data = f", data {show_bytes(packet.data)}" if packet.data else ""
                 return f"{error}, {addressed(packet.id)}{data}"
     return _say_status(packet, asked, model)
+
+
+def explain_to_several(packet: Packet, models: Sequence[type[Model] | None]) -> str:
+    """Say what an instruction asks of servos of these models, in the order of `concerns`."""
+    return _say_instruction(parse_instruction(packet), models)
 
 
 def concerns(packet: Packet) -> tuple[int, ...]:
@@ -133,21 +141,29 @@ def _is_instruction(packet: Packet) -> bool:
     return True
 
 
-def _say_instruction(message: Instruction, model: type[Model] | None) -> str:
+def _say_instruction(message: Instruction, models: Sequence[type[Model] | None]) -> str:
+    """Say what an instruction asks of servos of these models: of each that it lists, else of the only one."""
     head = f"{code_of(message).name} {addressed(message.id)}"
+    model = models[0] if len(set(models)) == 1 else None
     match message:
         case ReadData(_, address, length):
             return f"{head}: {show_span(model, TABLE, address, length)}"
         case WriteData(_, address, data) | RegWrite(_, address, data):
             return f"{head}: {show_values(model, TABLE, address, data)}"
         case SyncWrite(address, _, parts):
-            each = "; ".join(f"{servo(id)}: {show_values(model, TABLE, address, data)}" for id, data in parts)
+            each = "; ".join(
+                f"{servo(id)}: {show_values(one, TABLE, address, data)}"
+                for (id, data), one in zip(parts, models, strict=True)
+            )
             return f"{head}, for {id_list(id for id, _ in parts)}: {each}"
         case SyncRead(address, length, ids):
             return f"{head}, for {id_list(ids)}: {show_span(model, TABLE, address, length)}"
         case BulkRead(reads):
-            each = "; ".join(f"{servo(one.id)}: {show_span(model, TABLE, one.address, one.length)}" for one in reads)
-            return f"{head}, for {id_list(one.id for one in reads)}: {each}"
+            each = "; ".join(
+                f"{servo(read.id)}: {show_span(one, TABLE, read.address, read.length)}"
+                for read, one in zip(reads, models, strict=True)
+            )
+            return f"{head}, for {id_list(read.id for read in reads)}: {each}"
     return head
 
 

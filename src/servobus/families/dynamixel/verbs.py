@@ -409,6 +409,9 @@ class Dynamixel1(Family):
     def explain(self, packet: Packet, request: Packet | None = None, model: type[Model] | None = None) -> str:
         return listening.explain(packet, request, model)
 
+    def explain_to_several(self, packet: Packet, models: Sequence[type[Model] | None]) -> str:
+        return listening.explain_to_several(packet, models)
+
     def concerns(self, packet: Packet) -> tuple[int, ...]:
         return listening.concerns(packet)
 

@@ -6,6 +6,7 @@
 Both are context managers that `serve` one rig in real time until they are told to stop.
 """
 
+import errno
 import itertools
 import math
 import select
@@ -168,6 +169,9 @@ class TcpPort(Port):
         try:
             self._listener = stack.enter_context(socket.create_server((host, port), family=family, backlog=1))
         except (OSError, OverflowError) as error:
+            if isinstance(error, OSError) and error.errno == errno.EADDRINUSE:
+                said = "another program listens there; end it, or take another port: 0 takes any free one"
+                raise PortError(f"cannot listen on {host} port {port}: {said}") from error
             raise PortError(f"cannot listen on {host} port {port}: {error}") from error
         shown = f"[{host}]" if ":" in host else host
         self._address = host, self._listener.getsockname()[1]

@@ -1,6 +1,7 @@
 """Through the operating system, in real time: a little patience makes these safe on busy machines."""
 
 import os
+import re
 import socket
 import sys
 import threading
@@ -210,3 +211,11 @@ def test_functions() -> None:
     if sys.platform != "win32":
         serve_pty(rig(), None, stop, ready)
         assert names[1].startswith("/dev/")
+
+
+def test_an_address_in_use_is_said_to_be_with_what_can_be_done() -> None:
+    with served(TcpPort(rig("rx28@1"))) as outside:
+        number = int(outside.name.rpartition(":")[2])
+        said = f"cannot listen on 127.0.0.1 port {number}: another program listens there; end it, or take another port"
+        with pytest.raises(PortError, match=re.escape(said)), TcpPort(rig("rx28@2"), port=number):
+            pass
