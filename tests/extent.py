@@ -20,3 +20,11 @@ def spread(values: Sequence[T], few: int) -> list[T]:
     if everything or last < few:
         return list(values)
     return [values[n * last // (few - 1)] for n in range(few)]
+
+
+def in_turn(*numbers: int, every: int) -> bool:
+    """Tell whether a cell of a table, given by its number in each direction, is run: all of them with `--all`.
+
+    Else one in so many is, in such a way that each has its share in every row, whichever direction that runs in.
+    """
+    return everything or sum(numbers) % every == 0

@@ -515,12 +515,14 @@ SAMPLE_KEYS = chosen(MODELS)
 ONE_OF_EACH_FAMILY = list({model.family.name: key for key, model in reversed(list(MODELS.items()))}.values())[::-1]
 """The key of the first model of each family."""
 
-series_models = pytest.mark.parametrize(
-    "key",
+SERIES_KEYS = (
     list({(model.family.name, model.series): key for key, model in reversed(list(MODELS.items()))}.values())[::-1]
     if extent.everything
-    else ONE_OF_EACH_FAMILY,
+    else ONE_OF_EACH_FAMILY
 )
+"""The key of the first model of each series with `--all`, else of each family."""
+
+series_models = pytest.mark.parametrize("key", SERIES_KEYS)
 """For hundreds of cases of each model: the first model of each series with `--all`, else of each family."""
 every_model = pytest.mark.parametrize("key", MODELS)
 """For what takes a few milliseconds: it is run with every model, always."""

@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-import pytest
-
 from drivers import result_of
 from samples import answer_levels, can_be_silenced, goal_range, sample_of
 from servobus import MODELS, Bus, BusError
@@ -13,8 +11,6 @@ from servobus.families.base import Answers
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.serve.inprocess import VirtualPort, connect
 from unit.lossy import ASYNC, SYNC
-
-DRIVERS = pytest.mark.parametrize("driver", [SYNC, ASYNC])
 
 POSITION = "present_position"
 ALTERING = {"flip", "pair", "junk", "drop", "twin"}

@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 
 import servobus
-from faults.rig import DRIVERS, FaultRig
+from faults.rig import FaultRig
 from samples import hottest, minds_overload, models_that, sample_models
 from servobus import MODELS, Stopped, deg
 from servobus.safety.overload import Level
 from servobus.virtual.physics.motor import Load
-from unit.lossy import ASYNC
+from unit.lossy import ASYNC, DRIVERS
 
 PATIENCE = 30.0
 """s; a limit against hanging."""

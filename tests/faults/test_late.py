@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from drivers import result_of
-from faults.rig import DRIVERS
 from samples import goal_range, one_model_of_each_family
 from servobus import MODELS, Bus, NoReply
 from servobus.bus.asyncio import AsyncBus
@@ -17,7 +16,7 @@ from servobus.jobs.scan import LATE
 from servobus.transports.serial_port import LATENCY, NETWORK_LATENCY
 from servobus.virtual.serve.inprocess import VirtualPort, connect
 from unit.cli.conftest import load, run  # noqa: F401 - fixtures
-from unit.lossy import ASYNC
+from unit.lossy import ASYNC, CHOSEN_DRIVERS, DRIVERS
 
 DELAYS = ["40ms", "100ms", "200ms", "280ms"]
 
@@ -33,7 +32,7 @@ def bus_on(port: VirtualPort, driver: str, **options: Any) -> Any:
     return (AsyncBus if driver == ASYNC else Bus)(port, **options)
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @one_model_of_each_family
 @pytest.mark.parametrize("delay", DELAYS)
 def test_F11_T8_a_scan_finds_all(key: str, delay: str, driver: str) -> None:

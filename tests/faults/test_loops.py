@@ -4,11 +4,11 @@ import itertools
 from collections.abc import AsyncIterator
 from typing import Any
 
-from faults.rig import DRIVERS, FaultRig
+from faults.rig import FaultRig
 from samples import sample_models
 from servobus import deg
 from servobus.bus.cycle import Cycle
-from unit.lossy import ASYNC
+from unit.lossy import ASYNC, DRIVERS
 
 PERIOD = 0.05
 """s; long enough for three servos of any family at their factory speed."""

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from faults.rig import DRIVERS, FaultRig
+from faults.rig import FaultRig
 from samples import (
     SAMPLE_KEYS,
     can_change_baud,
@@ -18,7 +18,7 @@ from samples import (
     seams,
 )
 from servobus import MODELS, RX28, BadValue, EepromWear, UsageError, deg
-from unit.lossy import SYNC, Bench
+from unit.lossy import CHOSEN_DRIVERS, DRIVERS, SYNC, Bench
 
 
 @DRIVERS
@@ -54,7 +54,7 @@ def test_F18_a_locked_table_is_said_to_be(driver: str) -> None:
     assert [request for request in rig.port.sent if request[4] == 3] == []
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @sample_models
 @pytest.mark.parametrize("lost", ["request", "reply"])
 def test_F19_an_id_change_that_is_cut_off_is_finished(key: str, lost: str, driver: str) -> None:
@@ -67,7 +67,7 @@ def test_F19_an_id_change_that_is_cut_off_is_finished(key: str, lost: str, drive
         assert bench.at()[0] == 7
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @models_that(can_change_baud)
 @pytest.mark.parametrize("lost", ["request", "reply"])
 def test_F19_a_baud_change_that_is_cut_off_is_finished(key: str, lost: str, driver: str) -> None:
@@ -94,7 +94,7 @@ def test_F19_a_broadcast_id_is_refused(key: str, driver: str) -> None:
     assert rig.port.sent == []
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @one_model_of_each_family
 def test_F20_a_move_of_many_is_split_and_none_is_left_out(key: str, driver: str) -> None:
     """More servos than one packet holds (RX-28 manual 3-5-7: 143 bytes; DRS-0602 manual 5-1: 223): every one gets its

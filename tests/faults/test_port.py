@@ -14,14 +14,14 @@ from typing import Any
 import pytest
 
 import servobus
-from faults.rig import ALTERING, DRIVERS, POSITION, FaultRig
+from faults.rig import ALTERING, POSITION, FaultRig
 from samples import goal_range, one_model_of_each_family, sample_models, sample_of
 from servobus import MODELS, RX28, BusError, PortError
 from servobus.errors import PortLost
 from servobus.virtual.serve.ports import Port, PtyPort, TcpPort
 from servobus.virtual.serve.rig import Rig, build_rig
 from servobus.virtual.serve.spec import parse_url
-from unit.lossy import ASYNC, SYNC
+from unit.lossy import ASYNC, DRIVERS, SYNC
 from unit.served import served
 
 PROMPT = 3.0

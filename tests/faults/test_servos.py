@@ -2,11 +2,11 @@
 
 import pytest
 
-from faults.rig import DRIVERS, FaultRig
+from faults.rig import FaultRig
 from samples import minds_overload, models_that, sample_models
 from servobus import NoReply, Refused, Restarted, TorqueOff, deg, dynamixel1, herkulex
 from servobus.virtual.physics.motor import Load
-from unit.lossy import ASYNC, SYNC
+from unit.lossy import ASYNC, DRIVERS, SYNC
 
 
 @DRIVERS

@@ -2,7 +2,8 @@
 
 import pytest
 
-from faults.rig import DRIVERS, POSITION, FaultRig
+import extent
+from faults.rig import POSITION, FaultRig
 from samples import (
     SAMPLE_KEYS,
     answer_levels,
@@ -22,7 +23,7 @@ from servobus.doctor import SearchPlan, Severity, examine
 from servobus.errors import BusError, DuplicateId, Garbled
 from servobus.families.base import Answers
 from servobus.transports.serial_port import LATENCY
-from unit.lossy import SYNC
+from unit.lossy import CHOSEN_DRIVERS, DRIVERS, SYNC
 
 CALM = 30
 """Answers after which the driver has got used to a line."""
@@ -40,7 +41,7 @@ def two_questions(rig: FaultRig, rounds: int) -> None:
             rig.verdicts.append(type(error).__name__)
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @one_model_of_each_family
 @pytest.mark.parametrize("stall", ["12ms", "120ms", "400ms"])
 def test_F7_an_adapter_that_stands_still_never_gives_an_old_value(key: str, stall: str, driver: str) -> None:
@@ -56,7 +57,7 @@ def test_F7_an_adapter_that_stands_still_never_gives_an_old_value(key: str, stal
     assert [rig.try_position() for _ in range(2)][-1] == "right"
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @one_model_of_each_family
 @pytest.mark.parametrize("late", ["3ms", "15ms", "50ms"])
 def test_F7_a_reply_that_others_overtake_is_told_and_then_waited_for(key: str, late: str, driver: str) -> None:
@@ -104,7 +105,7 @@ def test_F8_a_stranger_answers(key: str, driver: str) -> None:
         rig.read()
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @sample_models
 def test_F8_two_answers_one_behind_the_other(key: str, driver: str) -> None:
     """A second servo with the id answers behind the first: told with the next exchange, and only with that."""
@@ -178,7 +179,7 @@ def test_F9_the_doctor_names_the_speed(key: str) -> None:
     assert all(one.level is not Severity.FAIL for one in findings)
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @one_model_of_each_family
 @pytest.mark.parametrize("skew", ["-2.5%", "2.5%"])
 def test_F9_a_speed_that_is_a_little_off(key: str, skew: str, driver: str) -> None:
@@ -227,7 +228,7 @@ def test_F10_a_write_is_awaited_only_where_an_answer_can_come(key: str, answers:
     assert rig.bus.stats.total.timeouts == 0
 
 
-READS = 1000
+READS = 1000 if extent.everything else 400
 
 
 def false_alarms(rig: FaultRig, delay: str, faults: str) -> int:

@@ -5,14 +5,14 @@ import random
 
 import pytest
 
-from faults.rig import DRIVERS, POSITION, FaultRig
+from faults.rig import POSITION, FaultRig
 from samples import ONE_OF_EACH_FAMILY, one_model_of_each_family, sample_of
 from servobus import MODELS, BusError
 from servobus.core.exchange import Exchange
 from servobus.core.framing import Decoder
 from servobus.core.replies import ReplyCollector
 from servobus.families.base import Answers, ServoRef
-from unit.lossy import ASYNC, SYNC
+from unit.lossy import ASYNC, CHOSEN_DRIVERS, DRIVERS, SYNC
 
 PLACES = [(key, place) for key in ONE_OF_EACH_FAMILY for place in range(sample_of(key).answer_size)]
 """Every byte of the answer with a position."""
@@ -50,7 +50,7 @@ def test_F1_a_lost_byte_costs_one_retry_and_no_value(key: str, place: int, drive
     assert rig.bus.stats[1].retries == 1
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @one_model_of_each_family
 def test_F2_a_flipped_bit_is_never_accepted_but_where_no_checksum_sees_it(key: str, driver: str) -> None:
     """Each bit in turn: noticed and asked again, but for those that the checksum leaves out.
@@ -95,7 +95,7 @@ def test_F3_two_flipped_bits_pass_only_where_they_cancel(key: str) -> None:
     assert (count, len(accepted)) == (pairs, unseen)
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @one_model_of_each_family
 def test_F3_pairs_that_cancel_are_the_only_wrong_values(key: str, driver: str) -> None:
     """Of many reads with two bits flipped by chance so that the checksum fits, each is right, refused, or one whose
@@ -129,7 +129,7 @@ JUNK = [
 ]
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @one_model_of_each_family
 @pytest.mark.parametrize("junk", JUNK)
 def test_F4_header_bytes_before_inside_and_behind_a_reply(key: str, junk: str, driver: str) -> None:
@@ -146,7 +146,7 @@ def test_F4_header_bytes_before_inside_and_behind_a_reply(key: str, junk: str, d
     assert rig.verdicts.count("provable") <= rig.sample.by_chance
 
 
-@DRIVERS
+@CHOSEN_DRIVERS
 @one_model_of_each_family
 def test_F4_one_to_64_bytes_of_junk(key: str, driver: str) -> None:
     """Junk of every length in every place: each read is right, unless both tries were hit, and none is wrong."""

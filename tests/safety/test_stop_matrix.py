@@ -5,15 +5,26 @@ needs real time: see tests/unit/safety/test_signals.py and the end of this file.
 """
 
 import asyncio
+import itertools
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import pytest
 
+import extent
 import servobus
 from drivers import result_of
-from samples import can_be_silenced, has, one_model_of_each_family, other_bauds, series_models, turning
+from samples import (
+    ONE_OF_EACH_FAMILY,
+    SERIES_KEYS,
+    can_be_silenced,
+    has,
+    one_model_of_each_family,
+    other_bauds,
+    series_models,
+    turning,
+)
 from servobus import MODELS, BusError, StopFailed, deg
 from servobus.bus.asyncio import AsyncBus
 from servobus.families import registry
@@ -311,10 +322,18 @@ def play(
     return said
 
 
-@series_models
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
-@pytest.mark.parametrize("end", ENDS, ids=lambda end: end.__name__)
-@pytest.mark.parametrize("way", WAYS, ids=lambda way: way.__name__)
+def cells(*axes: Sequence[Any]) -> list[Any]:
+    """Give the cells of a table: a model, then one of each axis. Without `--all` each cell is one family's."""
+    every = len(ONE_OF_EACH_FAMILY)
+    return [
+        pytest.param(key, *cell, id="-".join([key, *(one.__name__ for one in cell)]))
+        for (k, key), *numbered in itertools.product(enumerate(SERIES_KEYS), *map(enumerate, axes))
+        for numbers, cell in [zip(*numbered, strict=True)]
+        if extent.in_turn(k, *numbers, every=every)
+    ]
+
+
+@pytest.mark.parametrize(("key", "way", "fault", "end"), cells(WAYS, FAULTS, ENDS))
 def test_motion_ends(
     key: str,
     way: Callable[[Scene], None],
@@ -331,9 +350,7 @@ def test_motion_ends(
         assert "id 9 may still move" in said or not (fault is absent_neighbours or other_bauds(MODELS[key]))
 
 
-@series_models
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.__name__)
-@pytest.mark.parametrize("end", ENDS, ids=lambda end: end.__name__)
+@pytest.mark.parametrize(("key", "fault", "end"), cells(FAULTS, ENDS))
 def test_motion_ends_with_asyncio(key: str, fault: Callable[[Scene], None], end: Callable[[Scene], str]) -> None:
     play(Scene(key, driver=AsyncBus), move, fault, end)
 

@@ -5,14 +5,14 @@ from typing import Any
 import pytest
 
 from drivers import result_of
-from faults.rig import DRIVERS, Port
+from faults.rig import Port
 from samples import models_that
 from servobus import DRS0602, BadValue, Bus, Refused, UsageError, dynamixel1
 from servobus.bus.asyncio import AsyncBus
 from servobus.families.base import Answers, Model
 from servobus.families.dynamixel.models.ax import AX12A
 from servobus.families.dynamixel.models.mx import MX28, MX64
-from unit.lossy import ASYNC
+from unit.lossy import ASYNC, DRIVERS
 
 FAST = 1_000_000
 EIGHT = ("present_position", "present_speed", "present_load", "present_voltage", "present_temperature")

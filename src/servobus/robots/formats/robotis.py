@@ -25,9 +25,8 @@ from servobus.robots.file.entries import RobotFile
 from servobus.robots.file.kinds import shown
 from servobus.robots.file.writing import quantity
 from servobus.robots.formats.base import Draft, Given, Noted, Written, added, listed, plain_name, text_of
-from servobus.robots.formats.servos import NamedServo, middle, named_servos, port_notes, rounded
+from servobus.robots.formats.servos import DYNAMIXEL, NamedServo, dynamixels, middle, one_speed, port_notes, rounded
 
-FAMILY = "dynamixel"
 PROTOCOL = "1.0"
 CYCLE = 8
 """ms: control_cycle of the framework, as it comes with its robots."""
@@ -60,38 +59,22 @@ def known(data: bytes) -> bool:
 
 def write(file: RobotFile) -> Written:
     """Make a .robot file, of the Dynamixel servos of a robot."""
-    servos = named_servos(file)
-    mine = [one for one in servos if one.servo.model.family.name == FAMILY]
-    if not mine:
-        raise FormatError(f"{file.name}: the ROBOTIS framework drives Dynamixel servos alone, and there is none in it")
+    mine, left = dynamixels(file, "the ROBOTIS framework")
     ports = dict.fromkeys(one.servo.port for one in mine)
     lines = ["[ control info ]", f"control_cycle = {CYCLE}   # ms", "", "[ port info ]"]
     lines += ["# PORT NAME | BAUDRATE | DEFAULT JOINT"]
     for port in ports:
         there = [one for one in mine if one.servo.port == port]
-        lines.append(f"{file.ports[port].path} | {_speed(file, port, there)} | {there[0].name}")
+        lines.append(f"{file.ports[port].path} | {one_speed(file, port, there)} | {there[0].name}")
     lines += ["", "[ device info ]", "# TYPE | PORT NAME | ID | MODEL | PROTOCOL | DEV NAME | BULK READ ITEMS"]
     for one in mine:
         where = file.ports[one.servo.port].path
         model = one.servo.model.title
-        lines.append(f"{FAMILY} | {where} | {one.servo.id} | {model} | {PROTOCOL} | {one.name} | {READ}")
-    return Written("\n".join(lines) + "\n", tuple(_notes(file, servos, mine)))
+        lines.append(f"{DYNAMIXEL} | {where} | {one.servo.id} | {model} | {PROTOCOL} | {one.name} | {READ}")
+    return Written("\n".join(lines) + "\n", (*left, *_notes(file, mine)))
 
 
-def _speed(file: RobotFile, port: str, there: list[NamedServo]) -> int:
-    speeds = {one.baud: one.name for one in there}
-    if len(speeds) > 1:
-        told = listed(f"{name} has {baud} bit/s" for baud, name in speeds.items())
-        raise FormatError(
-            f"{file.name}: a .robot file has one speed for each port, and on {port} {told}; give them one speed with "
-            "`servobus set-baud` first"
-        )
-    return next(iter(speeds))
-
-
-def _notes(file: RobotFile, servos: list[NamedServo], mine: list[NamedServo]) -> Iterator[str]:
-    if others := [f"{one.name} ({one.servo.model.title})" for one in servos if one not in mine]:
-        yield f"the framework drives Dynamixel servos alone, so these are left out: {listed(others)}"
+def _notes(file: RobotFile, mine: list[NamedServo]) -> Iterator[str]:
     if turned := [one.name for one in mine if one.servo.axis.direction < 0]:
         yield f"the framework has no sign, so these turn the other way there: {listed(turned)}"
     shifts = [(one, one.servo.axis.zero - middle(one.servo.model, file.name)) for one in mine]
@@ -168,10 +151,10 @@ def _read(text: str, source: str) -> tuple[dict[str, _Port], list[_Device], list
 
 def _model(device: _Device) -> type[Model] | None:
     """Find the model of a device; None if it is none that is driven here."""
-    if device.kind.lower() != FAMILY or device.protocol != PROTOCOL:
+    if device.kind.lower() != DYNAMIXEL or device.protocol != PROTOCOL:
         return None
     try:
         model = registry.model(device.model)
     except UnknownName:
         return None
-    return None if model.generic or model.family.name != FAMILY else model
+    return None if model.generic or model.family.name != DYNAMIXEL else model

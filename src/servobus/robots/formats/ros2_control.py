@@ -10,41 +10,29 @@ migration; earlier ones know neither parameter. Its successor dynamixel_hardware
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 
-from servobus.errors import FormatError
 from servobus.robots.file.entries import RobotFile
 from servobus.robots.formats.base import Written, listed
-from servobus.robots.formats.servos import NamedServo, middle, named_servos, port_notes
+from servobus.robots.formats.servos import NamedServo, dynamixels, middle, one_speed, port_notes
 from servobus.robots.formats.urdf import limit_notes, number, robot_element, xml_text
 
-FAMILY = "dynamixel"
 PLUGIN = "dynamixel_hardware/DynamixelHardware"
 
 
 def write(file: RobotFile) -> Written:
     """Make a URDF with a <ros2_control> tag for each port, of the Dynamixel servos of a robot."""
-    servos = named_servos(file)
-    mine = [one for one in servos if one.servo.model.family.name == FAMILY]
-    if not mine:
-        raise FormatError(f"{file.name}: dynamixel_hardware drives Dynamixel servos alone, and there is none in it")
+    mine, left = dynamixels(file, "dynamixel_hardware")
     root = robot_element(file, {one.name: (one.joint, 1) for one in mine})
     for port in dict.fromkeys(one.servo.port for one in mine):
         _system(root, file, port, [one for one in mine if one.servo.port == port])
-    return Written(xml_text(root), tuple(_notes(file, servos, mine)))
+    return Written(xml_text(root), (*left, *_notes(file, mine)))
 
 
 def _system(root: ET.Element, file: RobotFile, port: str, there: Sequence[NamedServo]) -> None:
-    speeds = {one.baud: one.name for one in there}
-    if len(speeds) > 1:
-        told = listed(f"{name} has {baud} bit/s" for baud, name in speeds.items())
-        raise FormatError(
-            f"{file.name}: dynamixel_hardware has one speed for each port, and on {port} {told}; give them one speed "
-            "with `servobus set-baud` first"
-        )
     system = ET.SubElement(root, "ros2_control", name=f"{file.robot.name}_{port}", type="system")
     hardware = ET.SubElement(system, "hardware")
     ET.SubElement(hardware, "plugin").text = PLUGIN
     _parameter(hardware, "port_name", file.ports[port].path)
-    _parameter(hardware, "baud_rate", str(next(iter(speeds))))
+    _parameter(hardware, "baud_rate", str(one_speed(file, port, there)))
     for one in there:
         axis = one.servo.axis
         joint = ET.SubElement(system, "joint", name=one.name)
@@ -60,9 +48,7 @@ def _parameter(parent: ET.Element, name: str, value: str) -> None:
     ET.SubElement(parent, "param", name=name).text = value
 
 
-def _notes(file: RobotFile, servos: Sequence[NamedServo], mine: Sequence[NamedServo]) -> Iterator[str]:
-    if others := [f"{one.name} ({one.servo.model.title})" for one in servos if one not in mine]:
-        yield f"dynamixel_hardware drives Dynamixel servos alone, so these are left out: {listed(others)}"
+def _notes(file: RobotFile, mine: Sequence[NamedServo]) -> Iterator[str]:
     if pairs := [f"{one.joint.name} and {one.name}" for one in mine if one.name != one.joint.name]:
         yield f"nothing there keeps the two servos of a joint together, so send both the same goals: {listed(pairs)}"
     if any(one.servo.axis.direction < 0 or one.servo.axis.ratio != 1 for one in mine):

@@ -10,6 +10,8 @@ from servobus.errors import FormatError
 from servobus.families.model import Model
 from servobus.robots.file.entries import OPEN_PORT, JointEntry, RobotFile, ServoEntry
 
+DYNAMIXEL = "dynamixel"
+"""The family that programs of ROBOTIS drive."""
 NEAR = 0.02
 """Share of a count by which a limit may be missed: a robot file has angles to a ten-thousandth of a degree."""
 PLACES = 1e4
@@ -101,6 +103,31 @@ def written(low: float, high: float) -> list[str]:
     """Write limits, rad, as a robot file has them: rounded inwards, so that they stay within what the servo can."""
     ends = math.ceil(low / deg * PLACES - FINE) / PLACES, math.floor(high / deg * PLACES + FINE) / PLACES
     return [f"{end + 0.0:.4f}".rstrip("0").rstrip(".") + "deg" for end in ends]
+
+
+def dynamixels(file: RobotFile, program: str) -> tuple[list[NamedServo], list[str]]:
+    """Give the Dynamixel servos of a robot, and a note on the others if there are any: `program` drives no others.
+
+    Raises FormatError where there is none.
+    """
+    servos = named_servos(file)
+    mine = [one for one in servos if one.servo.model.family.name == DYNAMIXEL]
+    if not mine:
+        raise FormatError(f"{file.name}: {program} drives Dynamixel servos alone, and there is none in it")
+    others = ", ".join(f"{one.name} ({one.servo.model.title})" for one in servos if one not in mine)
+    return mine, [f"{program} drives Dynamixel servos alone, so these are left out: {others}"] * bool(others)
+
+
+def one_speed(file: RobotFile, port: str, there: Iterable[NamedServo]) -> int:
+    """Give the speed of all servos on a port. Raises FormatError if they differ, for programs that have one a port."""
+    speeds = {one.baud: one.name for one in there}
+    if len(speeds) > 1:
+        told = " and ".join(f"{name} has {baud} bit/s" for baud, name in speeds.items())
+        raise FormatError(
+            f"{file.name}: port {port} would need one speed, but {told}; give them one with `servobus set-baud`, "
+            "and write it into the file"
+        )
+    return next(iter(speeds))
 
 
 def device(path: str) -> str | None:

@@ -93,5 +93,5 @@ def test_there_and_back() -> None:
 
 def test_a_port_has_one_speed() -> None:
     text = SIX.replace("id = 1\n", "id = 1\nbaud = 1000000\n", 1)
-    with pytest.raises(FormatError, match="one speed for each port, and on base base has 1000000"):
+    with pytest.raises(FormatError, match="port base would need one speed, but base has 1000000"):
         robotis.write(read_text(text))
