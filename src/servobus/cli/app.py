@@ -48,6 +48,7 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
     },
     "Robot": {
         "robot": ("robots.group:robot", "Joints by name: make, check, show and move a robot."),
+        "pose": ("robots.move:pose", "Save poses, and go to them."),
         "teach": ("robots.teach:teach", "Record a motion: limp joints moved by hand."),
         "play": ("robots.play:play", "Play a motion of a robot."),
         "teleop": ("robots.teleop:teleop", "Let one robot lead another."),

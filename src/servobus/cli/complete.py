@@ -71,6 +71,18 @@ def joints(ctx: click.Context, _param: click.Parameter, incomplete: str) -> list
     return _items(titles.items(), incomplete)
 
 
+def poses(ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Offer the poses of the robot file that the command line names."""
+    file = _robot_file(ctx)
+    return _items(((name, "") for name in ({} if file is None else file.poses)), incomplete)
+
+
+def goals(ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Offer JOINT= for the joints of the robot file that the command line names."""
+    file = _robot_file(ctx)
+    return _items(((f"{name}=", "") for name in ({} if file is None else file.joints)), incomplete)
+
+
 def motions(ctx: click.Context, _param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Offer the motions of the robot file that the command line names; and files, where what is typed is none."""
     file = _robot_file(ctx)

@@ -12,7 +12,10 @@ class RobotGroup(VerbGroup):
 
     verbs: ClassVar = {
         "Robot": {
+            "init": ("robots.init:init", "Write a robot file from the servos of ports."),
             "check": ("robots.check:check", "Compare who answers with the robot file."),
+            "show": ("robots.show:show", "Show the joints, live."),
+            "move": ("robots.move:move", "Move joints to angles, together."),
             "calibrate": ("robots.calibrate:calibrate", "Find zero, direction and limits of joints by hand."),
             "plan": ("robots.settings:plan", "Compare the servos' settings with the robot file."),
             "apply": ("robots.settings:apply", "Write the settings of the robot file."),
