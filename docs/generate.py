@@ -25,7 +25,7 @@ from servobus.core.units import BaudDivisor, Choice, Flags, Lookup, Quantity, Sw
 from servobus.families import registry
 from servobus.families.base import Model
 from servobus.families.present import differences
-from servobus.robots.file import schema
+from servobus.robots.file import entries, schema
 from servobus.robots.formats.base import listed
 from servobus.robots.formats.table import FORMATS
 from servobus.virtual.device.motor_set import HEAT, MotorSet
@@ -35,6 +35,7 @@ DOCS = Path(__file__).parent
 PAGES = DOCS / "registers"
 ARCHITECTURE = DOCS / "architecture.md"
 FORMATS_PAGE = DOCS / "formats.md"
+ROBOT = DOCS / "robot.md"
 ROOT = DOCS.parent
 SOURCE = ROOT / "src" / "servobus"
 SCHEMA = SOURCE / "robots" / "file" / schema.FILE
@@ -42,6 +43,17 @@ BEGIN, END = "<!-- made by docs/generate.py -->", "<!-- to here -->"
 """Between these, a page has what is made here."""
 FACE = "servobus"
 """The package itself: what users import."""
+ROBOT_TABLES = {
+    "`[robot]`": entries.RobotEntry,
+    "`[port.NAME]`": entries.PortEntry,
+    "`[joint.NAME]`": entries.JointEntry,
+    "`[joint.NAME.mirror]`": entries.MirrorEntry,
+    "`[joint.NAME.protect]`": entries.ProtectEntry,
+    "`[joint.NAME.load]`": entries.LoadEntry,
+    "`[motion.NAME]`": entries.MotionEntry,
+    "A step in `steps` of a motion": entries.StepEntry,
+}
+"""Heading in robot.md -> the keys of that table."""
 KGF_CM = 0.0980665
 """One kgf·cm in N·m."""
 CHAPTERS = {
@@ -73,6 +85,7 @@ def files() -> dict[str, tuple[Path, str]]:
     made = {f"docs/registers/{name}": (PAGES / name, text) for name, text in pages().items()}
     made["docs/architecture.md"] = ARCHITECTURE, architecture(ARCHITECTURE.read_text(encoding="utf-8"))
     made["docs/formats.md"] = FORMATS_PAGE, formats(FORMATS_PAGE.read_text(encoding="utf-8"))
+    made["docs/robot.md"] = ROBOT, robot_page(ROBOT.read_text(encoding="utf-8"))
     made[schema.FILE] = SCHEMA, f"{json.dumps(schema.schema(), indent=2, ensure_ascii=False)}\n"
     return made
 
@@ -265,8 +278,8 @@ def _sheet(model: type[Model]) -> Iterator[tuple[str, str]]:
         yield "Size", " x ".join(f"{edge * 1000:.1f}" for edge in sheet.size) + " mm"
     yield "Link", _linked(sheet.link)
     yield "Confidence", str(sheet.confidence)
-    for doubt in sheet.doubts:
-        yield "In doubt", _linked(doubt)
+    for remark in sheet.remarks:
+        yield "Remark", _linked(remark)
 
 
 _HEAD = ("Register", "Where", "Layout", "Access", "Factory", "May be written", "Step", "Meaning")
@@ -397,6 +410,23 @@ def _join(*parts: str) -> str:
 
 
 # The rooms
+
+
+def robot_page(text: str) -> str:
+    """Put the keys of a robot file into the page about robots."""
+    tables = []
+    for head, entry in ROBOT_TABLES.items():
+        rows = [(f"`{name}`", _needed(key), key.about) for name, key in entries.keys_of(entry).items()]
+        tables += [f"### {head}", _table(("Key", "", "What it is"), rows)]
+    tables.append("`[group]` has names of joints by name of the group, `[pose.NAME]` angles by joint.")
+    return _with(text, "\n\n".join(table.strip() for table in tables))
+
+
+def _needed(key: entries.Key) -> str:
+    """Say whether a key is needed, or show how its value is written."""
+    example = next(iter(key.kind.schema().get("examples", [])), "")
+    shown = f"`{json.dumps(example, ensure_ascii=False)}`" if example else ""
+    return " ".join(word for word in ("needed" if key.required else "", shown) if word)
 
 
 def architecture(text: str) -> str:

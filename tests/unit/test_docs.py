@@ -39,6 +39,7 @@ def snippets(page: Path) -> list[tuple[int, str]]:
         DOCS / "calibrating.md",
         DOCS / "motion.md",
         DOCS / "architecture.md",
+        DOCS / "robot.md",
         ROOT / "README.md",
     ],
     ids=lambda page: page.name,
@@ -52,6 +53,8 @@ def test_snippets_run(page: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
     others = {key: model for key, model in registry.MODELS.entries.items() if model.__name__ not in shown}
     monkeypatch.setattr(registry.MODELS, "entries", others)  # what a page adds is known on that page alone
     monkeypatch.setattr(registry.FAMILIES, "entries", dict(registry.FAMILIES.entries))
+    for name, table in re.findall(r"```toml\n# (\S+\.toml)\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
+        Path(name).write_text(REAL_TIME.sub(r'"\1?clock=virtual"', table), encoding="utf-8")
     names: dict[str, object] = {"__name__": "snippets"}
     for line, snippet in snippets(page):
         text = REAL_TIME.sub(r'"\1?clock=virtual"', PORTS.sub(VIRTUAL, snippet))
@@ -59,7 +62,9 @@ def test_snippets_run(page: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
         exec(compile(code, str(page), "exec"), names)
 
 
-@pytest.mark.parametrize("page", [DOCS / "python.md", DOCS / "virtual.md"], ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page", [DOCS / "python.md", DOCS / "robot.md", DOCS / "virtual.md"], ids=lambda page: page.name
+)
 def test_pages_have_snippets(page: Path) -> None:
     assert snippets(page)
 
