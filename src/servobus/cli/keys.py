@@ -1,4 +1,4 @@
-"""Single keys of a terminal, as they are pressed, and a key that is held down."""
+"""Single keys of a terminal, as they are pressed."""
 
 import os
 import sys
@@ -6,10 +6,6 @@ from types import TracebackType
 from typing import Any, Self
 
 SPACE, ESCAPE = " ", "\x1b"
-FIRST = 0.75
-"""s from the first of a key that is held to the second; *assumption*: 660 ms in X11, less elsewhere."""
-NEXT = 0.3
-"""s from one to the next of a key that is held; *assumption*: 20 to 40 ms, and more over a slow connection."""
 
 
 class Keys:
@@ -64,23 +60,6 @@ class Keys:
             self.there = False  # the terminal is gone
         keys = data.decode(errors="replace")
         return "" if keys.startswith(ESCAPE) else keys  # an arrow or the like, which is several characters
-
-
-class HeldKey:
-    """Tells whether a key is held down, from its repetitions: a terminal says nothing when a key is let go."""
-
-    def __init__(self) -> None:
-        self._last: float | None = None
-        self._patience = FIRST
-
-    def seen(self, now: float) -> None:
-        """Take note that it came, at a time in s."""
-        self._patience = NEXT if self.held(now) else FIRST
-        self._last = now
-
-    def held(self, now: float) -> bool:
-        """Tell whether it is held; for NEXT after it was let go, and for FIRST after a single stroke, it seems so."""
-        return self._last is not None and now - self._last < self._patience
 
 
 def _is_ours() -> bool:

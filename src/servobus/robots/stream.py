@@ -29,23 +29,25 @@ UNBOUND = 0
 """Goal speed, raw, of a Dynamixel servo that goes as fast as it can (moving speed 0, RX-28 manual 3-4-3)."""
 
 
-def begin(joints: Sequence[Joint]) -> RobotJob[dict[Servo, int]]:
-    """Let the servos of these joints follow goals as fast as they can. Gives servo -> the goal speed it had, raw.
-
-    Raises TorqueOff, with the names of all joints whose torque is off.
-    """
+def check_torque(joints: Sequence[Joint]) -> RobotJob[None]:
+    """Raise TorqueOff, with the names of all joints whose torque is off; and what came instead of an answer."""
     states = yield from jobs.look(joints)
     for name in [joint.name for joint in joints]:
         states[name]  # raises what came instead of an answer
     limp = [name for name, state in states.items() if not state.torque]
     if limp:
         raise TorqueOff(f"{', '.join(limp)}: torque is off, so nothing would move; switch it on first")
-    outcomes = yield from together(jobs.on_each_port(joints, _free))
-    return {servo: speed for had in outcomes.values() for servo, speed in had.items()}
 
 
-def _free(parts: Sequence[Part]) -> Procedure[dict[Servo, int]]:
-    had: dict[Servo, int] = {}
+def begin(joints: Sequence[Joint], had: dict[Servo, int]) -> RobotJob[None]:
+    """Let the servos of these joints follow goals as fast as they can.
+
+    `had` is filled with servo -> the goal speed it had, raw, so that `end` can give it back although this fails.
+    """
+    yield from together(jobs.on_each_port(joints, lambda parts: _free(parts, had)))
+
+
+def _free(parts: Sequence[Part], had: dict[Servo, int]) -> Procedure[None]:
     for part in parts:
         servo = part.servo
         row = servo.model.optional("goal_speed")
@@ -55,9 +57,8 @@ def _free(parts: Sequence[Part]) -> Procedure[dict[Servo, int]]:
         yield from servo.family.give_back(servo.target)
         (speed,) = yield from servo.family.read(servo.target, [row])
         if speed != UNBOUND:
-            yield from servo.family.write(servo.target, {row: UNBOUND})
             had[servo] = speed
-    return had
+            yield from servo.family.write(servo.target, {row: UNBOUND})
 
 
 def end(joints: Sequence[Joint], had: Mapping[Servo, int]) -> RobotJob[None]:
@@ -112,7 +113,9 @@ class Streamed(Turns[K]):
 
     def set_off(self) -> RobotJob[dict[str, float]]:
         """Make sure that all joints have torque; give joint -> the angle from which it sets off, rad."""
-        self._had = yield from begin(self.joints)
+        yield from check_torque(self.joints)
+        self._had = {}
+        yield from begin(self.joints, self._had)
         start = yield from where(self.joints)
         yield from self._supervision.begin()
         return start

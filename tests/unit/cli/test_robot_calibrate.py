@@ -1,3 +1,5 @@
+import math
+import re
 import tomllib
 from collections.abc import Callable
 from io import StringIO
@@ -8,15 +10,17 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
-from servobus import UsageError
+from servobus import UsageError, deg
 from servobus.cli.app import app
 from servobus.cli.robots.calibrate import _table
 from servobus.cli.robots.person import Script
 from servobus.robots.blocking import Robot
 from servobus.robots.calibration import Calibration
-from servobus.robots.file.reading import read_file
+from servobus.robots.file.entries import JointEntry
+from servobus.robots.file.reading import read_file, read_text
 from servobus.virtual.device.servo import VirtualServo
 from unit.cli.conftest import Run
+from unit.robots.arms import SIX
 
 FILE = """\
 # My arm.
@@ -301,3 +305,46 @@ def test_a_person_sees_a_table() -> None:
     assert "shoulder  find" in shown
     assert "elbow     waiting" in shown
     assert "SHOULDER: hold the arm still" in shown
+
+
+def test_a_six_joint_arm_of_three_families_learns_what_it_was_made_as(run: Run, arm: Path) -> None:
+    """The hand turns the shafts as the zeros, directions and ratios of the arm say; the file knows none of them."""
+    true = read_text(SIX)
+    text = re.sub(r"(?m)^(zero|direction|limits) = .*\n", "", SIX[: SIX.index("# Poses.")]).replace(
+        'rest = "home"\n', ""
+    )
+    arm.write_text(text.replace("id = 3\n", 'id = 3\nzero = "300deg"\n'))
+    lines = [line for joint in true.joints.values() for line in _hand_for(joint)]
+    Path("hand.txt").write_text("\n".join(lines) + "\n")
+    run("robot", "calibrate", "arm.toml", "--yes", "--no-test", "--margin", "0", "--script", "hand.txt")
+    made = read_file(arm)
+    for name, joint in made.joints.items():
+        for servo, other in zip(joint.servos, true.joints[name].servos, strict=True):
+            assert (servo.id, servo.axis.direction) == (other.id, other.axis.direction)
+            # The sensor of an RX-28, the coarsest of the three, tells steps of 0.29°.
+            assert servo.axis.zero == pytest.approx(other.axis.zero, abs=0.2 * deg)
+        assert joint.limits == pytest.approx(_travel(true.joints[name]), abs=0.4 * deg)
+
+
+def _travel(joint: JointEntry) -> tuple[float, float]:
+    return joint.limits or (-60 * deg, 70 * deg)
+
+
+def _hand_for(joint: JointEntry) -> list[str]:
+    """Give what a hand does with a joint, all angles those of the joint, in rad."""
+
+    def turn(angle: float) -> str:
+        goals = (f"{servo.port}:{servo.id}={servo.axis.to_servo(angle) / deg:.4f}" for servo in joint.servos)
+        return f"turn {' '.join(goals)} at 180"
+
+    low, high = _travel(joint)
+    middle, push, pose = (low + high) / 2, 16 * deg / joint.ratio, max(0.0, low + 5 * deg)
+    lines = [turn(middle - push), f"await {joint.name.upper()}: move", turn(middle), "await push it to"]
+    lines += [turn(middle + push), "await push it back", turn(middle - push), "await both ends"]
+    lines += [turn(low), turn(high), turn(low), turn(high), turn(pose), "await press ENTER", "wait 0.2"]
+    lines += [] if pose == 0 else ["press a", f"type {pose / deg:g}"]
+    servo = joint.servos[0]
+    row = servo.model.register("present_position")
+    seen = row.decode(row.scale.encode(servo.axis.to_servo(pose))) - servo.axis.change_to_servo(pose)
+    away = abs(math.remainder(seen, 15 * deg))  # a round zero is offered where one is near
+    return [*lines, "press enter", *(["press n"] if 0.05 * deg < away <= 4 * deg else [])]

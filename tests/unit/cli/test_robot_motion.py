@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from servobus import deg
-from servobus.cli.keys import FIRST, NEXT, HeldKey, Keys
+from servobus.cli.keys import Keys
 from servobus.robots.file.reading import read_file
 from servobus.robots.motion import motion_of
-from servobus.robots.recording import read_recording
+from servobus.robots.recording import CsvRecorder, Moment, read_recording
 from unit.cli.conftest import Run
 from unit.cli.test_complete import offered
 from unit.robots.test_teleop import FOLLOWER, LEADER
@@ -184,22 +184,26 @@ def test_teleop_refuses_what_leads_nowhere(run: Run, refused: Callable[..., str]
         assert why in refused("teleop", "leader.toml", "follower.toml", *options, code=code)
 
 
-def test_a_key_that_is_held_is_told_from_its_repetitions() -> None:
-    key = HeldKey()
-    assert not key.held(0.0)
-    key.seen(1.0)
-    assert key.held(1.0 + FIRST - 0.01)
-    assert not key.held(1.0 + FIRST + 0.01)
-    key.seen(10.0)
-    key.seen(10.5)  # it repeats from now on
-    assert key.held(10.5 + NEXT - 0.01)
-    assert not key.held(10.5 + NEXT + 0.01)
-    key.seen(20.0)  # a first stroke again
-    assert key.held(20.0 + FIRST - 0.01)
-
-
 def test_joints_and_motions_are_offered() -> None:
     assert offered("play", "arm.toml", "") == ["nod", "wave"]
     assert offered("play", "arm.toml", "n") == ["nod"]
     assert offered("teach", "arm.toml", "new", "base", "g") == ["grip"]
     assert offered("teach", "none.toml", "new", "") == []
+
+
+def test_show_keeps_what_it_shows_until_ctrl_c(
+    run: Run, refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write, count = CsvRecorder.write, iter(range(100))
+
+    def interrupted(self: CsvRecorder, moment: Moment) -> None:
+        write(self, moment)
+        if next(count) == 4:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(CsvRecorder, "write", interrupted)
+    run("robot", "show", "arm.toml", "--record", "run.csv")
+    moments = read_recording(Path("run.csv"))
+    assert [set(moment.positions) for moment in moments] == [{"base", "grip"}] * 5
+    assert moments[-1].time == pytest.approx(0.4, abs=0.1)
+    assert "leave --once" in refused("robot", "show", "arm.toml", "--once", "--record", "more.csv", code=2)

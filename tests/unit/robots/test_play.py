@@ -13,6 +13,7 @@ from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_text
 from servobus.robots.motion import Motion, limits_of, read_samples, samples_of, samples_text
 from servobus.robots.play import BlockingPlay, PlayTick
+from servobus.robots.steps import RobotJob
 from servobus.virtual.physics.motor import Load
 from unit.robots.played_arm import ARM, goals_in, opened, port_of, servos_of, shaft_angles
 
@@ -268,3 +269,28 @@ def test_a_motion_of_samples_stands_beside_the_robot_file(tmp_path: Path) -> Non
         assert arm.play("recorded").duration == pytest.approx(1.0)
     with pytest.raises(servobus.UsageError, match=r"no\.csv: cannot be read"):
         read_samples(folder / "no.csv")
+
+
+def test_speeds_come_back_although_the_beginning_fails_on_another_port() -> None:
+    with opened() as arm:
+        arm.torque_on()
+        arm["base"].servo.write("goal_speed", 10 * deg)
+        held = servos_of(arm, "base")[0]
+        row = held.model.register("goal_speed")
+        raw = held.memory[row]
+        play = arm.play("nod", rate=50)
+        turn = iter(play)
+        next(turn)
+        assert held.memory[row] == 0
+        turn.close()
+        assert held.memory[row] == raw
+        again = arm.play("nod", rate=50)
+
+        def gone() -> RobotJob[None]:
+            yield from ()
+            raise PortLost("gone")
+
+        again._supervision.begin = gone  # type: ignore[method-assign] # the last that is done before the first goal
+        with pytest.raises(PortLost):
+            again.wait()
+        assert servos_of(arm, "base")[0].memory[row] == raw

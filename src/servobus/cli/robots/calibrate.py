@@ -10,9 +10,10 @@ import click
 
 from servobus import ServobusError, robot
 from servobus.cli.interrupts import signals_as_interrupt
+from servobus.cli.keys import SPACE
 from servobus.cli.options import verb
 from servobus.cli.output import note
-from servobus.cli.robots.person import ENTER, SPACE, AtTerminal, Person, Script, angle_text
+from servobus.cli.robots.person import ENTER, AtTerminal, Person, Script, angle_text
 from servobus.cli.robots.settings import file_argument
 from servobus.cli.values import ANGLE, split_assignment
 from servobus.core.exchange import Procedure, SetBaud

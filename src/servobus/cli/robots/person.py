@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servobus.cli.interrupts import unless_nobody_answers
+from servobus.cli.keys import SPACE, Keys
 from servobus.cli.output import note
 from servobus.core.units import deg, parse
 from servobus.errors import ServobusError, UsageError
@@ -21,7 +22,7 @@ from servobus.robots.blocking import Robot
 if TYPE_CHECKING:
     from rich.live import Live
 
-ENTER, SPACE = "\n", " "
+ENTER = "\n"
 HAND_SPEED = 90 * deg
 """rad/s with which a script turns shafts if it does not say another speed."""
 PATIENCE = 20.0
@@ -87,7 +88,7 @@ class AtTerminal(Person):
         from rich.console import Console  # noqa: PLC0415 - rich is slow to import and not always wanted
         from rich.live import Live  # noqa: PLC0415
 
-        with _single_keys():
+        with Keys():
             if not sys.stderr.isatty():
                 yield
                 return
@@ -98,23 +99,6 @@ class AtTerminal(Person):
                     yield
                 finally:
                     self._live = None
-
-
-@contextmanager
-def _single_keys() -> Iterator[None]:
-    """Have a terminal give each key at once, without showing it; Ctrl-C goes on to interrupt."""
-    if sys.platform == "win32" or not sys.stdin.isatty():
-        yield
-        return
-    import termios  # noqa: PLC0415 - Windows has none
-    import tty  # noqa: PLC0415
-
-    before = termios.tcgetattr(sys.stdin)
-    tty.setcbreak(sys.stdin)
-    try:
-        yield
-    finally:
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
 
 
 def _key(seconds: float) -> str:

@@ -55,11 +55,12 @@ def play(file: str, motion: str, pace: float, loop: bool | None, rate: float, re
         stack.enter_context(signals_as_interrupt())
         played = arm.play(motion_named(arm, motion), rate=rate, loop=loop)
         played.set_pace(pace)
-        with recording(record, arm, [arm[joint.name] for joint in played.joints]) as write:
+        joints = [arm[joint.name] for joint in played.joints]
+        with recording(record, arm, joints, joints) as write:
             if played.stretches and not json:
                 worst = max(played.stretches, key=lambda one: one.factor)
                 note(f"slower than it was made, within the limits of the joints: {worst}")
-            switch_on([arm[joint.name] for joint in played.joints], quiet=json)
+            switch_on(joints, quiet=json)
             try:
                 last = _run(arm, played, motion, write, live=not json)
             except KeyboardInterrupt:

@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servobus import robot
+from servobus.bus.rate import Rate
 from servobus.cli.interrupts import signals_as_interrupt
 from servobus.cli.options import as_json, verb
 from servobus.cli.output import console, print_json, quantity_entry
+from servobus.cli.robots.under_way import recording
 from servobus.core.units import show as shown
 from servobus.robots.blocking import Robot, RobotJoint
 from servobus.robots.file.reading import read_file
@@ -24,33 +26,44 @@ BAR = 20
 
 
 @verb(
-    "show", "servobus robot show arm.toml", "servobus robot show arm.toml --once", "servobus robot show arm.toml --json"
+    "show",
+    "servobus robot show arm.toml",
+    "servobus robot show arm.toml --once",
+    "servobus robot show arm.toml --json",
+    "servobus robot show arm.toml --record run.csv",
 )
 @click.argument("file", type=click.Path())
 @click.option("--once", is_flag=True, help="Show it once, and end.")
+@click.option("--record", metavar="OUT", help="Keep the angles in a file until Ctrl-C: OUT.csv or OUT.mcap.")
 @as_json
-def show(file: str, once: bool, json: bool) -> None:
+def show(file: str, once: bool, record: str | None, json: bool) -> None:
     """Show the joints of FILE: angle between the limits, voltage, temperature, torque, alarms. Moves nothing.
 
     On a terminal the table is drawn again and again until Ctrl-C; else, or with --once, it is shown once. Joints that
     do not answer are named.
     """
+    if record is not None and (once or json):
+        raise click.UsageError("--record goes on until Ctrl-C: leave --once and --json out")
     with robot(read_file(file), incomplete=True) as arm, signals_as_interrupt():
         if json:
             seen = arm.look()
             print_json([_entry(joint, seen) for joint in arm])
             return
-        if once or not console().is_terminal:
+        if once or (record is None and not console().is_terminal):
             console().print(_table(arm, arm.look()))
             return
         from rich.live import Live  # noqa: PLC0415 - slow to import, and only wanted on terminals
 
         try:
-            with Live(console=console(), auto_refresh=False) as live:
-                while True:
-                    live.update(_table(arm, arm.look()), refresh=True)
-                    for bus in arm.buses.values():
-                        bus.transport.sleep(PERIOD / len(arm.buses))
+            with (
+                recording(record, arm, list(arm), []) as write,
+                Live(console=console(), auto_refresh=False) as live,
+            ):
+                for _ in Rate(arm, arm.ports.now, PERIOD):
+                    seen = arm.look()
+                    write({name: state.position for name, state in seen.items()}, {})
+                    if console().is_terminal:
+                        live.update(_table(arm, seen), refresh=True)
         except KeyboardInterrupt:
             pass  # that is how it ends
 

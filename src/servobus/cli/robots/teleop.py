@@ -8,7 +8,7 @@ import click
 
 from servobus import robot
 from servobus.cli.interrupts import signals_as_interrupt
-from servobus.cli.keys import SPACE, HeldKey, Keys
+from servobus.cli.keys import SPACE, Keys
 from servobus.cli.options import as_json, verb
 from servobus.cli.output import compact, note
 from servobus.cli.robots.under_way import angles_entry, drawn, joint_table, recording, switch_on
@@ -17,6 +17,7 @@ from servobus.core.units import parse, show
 from servobus.errors import BadValue, UsageError
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_file
+from servobus.robots.held_key import HeldKey
 from servobus.robots.teleop import GATE, RATE, Lead, Teleop, TeleopTick
 
 if TYPE_CHECKING:
@@ -82,7 +83,7 @@ def teleop(
         )
         deadman.end = led.stop
         joints = [following[joint.name] for joint in led.joints]
-        write = stack.enter_context(recording(record, following, joints))
+        write = stack.enter_context(recording(record, following, joints, joints))
         if limp:
             for name in dict.fromkeys(lead.leader for lead in led.leading.leads.values()):
                 leading[name].torque_off()
@@ -112,7 +113,7 @@ class Deadman:
         now = self._robot.ports.now()
         pressed = self._keys.pressed()
         if SPACE in pressed:
-            self._held.seen(now)
+            self._held.pressed(now)
         if "q" in pressed:
             self.end()
         return self._held.held(now)

@@ -89,13 +89,14 @@ def joint_table(
 
 
 @contextmanager
-def recording(path: str | None, robot: Robot, joints: Sequence[RobotJoint]) -> Iterator[Write]:
+def recording(
+    path: str | None, robot: Robot, joints: Sequence[RobotJoint], goals: Sequence[RobotJoint]
+) -> Iterator[Write]:
     """Give what writes positions and goals of a turn to a recording; it does nothing where there is none."""
     if path is None:
         yield lambda _positions, _goals: None
         return
-    names = [joint.name for joint in joints]
-    with recorder(Path(path), names, names) as out:
+    with recorder(Path(path), [joint.name for joint in joints], [joint.name for joint in goals]) as out:
         began: list[float] = []
 
         def write(positions: Mapping[str, float], goals: Mapping[str, float]) -> None:
