@@ -278,8 +278,8 @@ def _sheet(model: type[Model]) -> Iterator[tuple[str, str]]:
         yield "Size", " x ".join(f"{edge * 1000:.1f}" for edge in sheet.size) + " mm"
     yield "Link", _linked(sheet.link)
     yield "Confidence", str(sheet.confidence)
-    for doubt in sheet.doubts:
-        yield "In doubt", _linked(doubt)
+    for remark in sheet.remarks:
+        yield "Remark", _linked(remark)
 
 
 _HEAD = ("Register", "Where", "Layout", "Access", "Factory", "May be written", "Step", "Meaning")

@@ -125,7 +125,7 @@ class SpecSheet:
     """A"""
     link: str = ""
     confidence: Confidence = Confidence.HIGH
-    doubts: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     """What of this is uncertain, or contradicts another source: a sentence each."""
 
     @property

@@ -67,7 +67,7 @@ def model_entry(model: type[Model]) -> dict[str, Any]:
         ],
         "link": spec.link,
         "confidence": str(spec.confidence),
-        "doubts": list(spec.doubts),
+        "remarks": list(spec.remarks),
     }
 
 
@@ -97,7 +97,7 @@ def model_lines(model: type[Model]) -> list[str]:
         f"gear 1:{spec.gear_ratio:g} {spec.gear}".strip(", ") if spec.gear_ratio else "",
         spec.motor,
     ]
-    sure = [f"confidence {spec.confidence}", *spec.doubts]
+    sure = [f"confidence {spec.confidence}", *spec.remarks]
     return [*lines, ", ".join(filter(None, body)), spec.link, *sure]
 
 

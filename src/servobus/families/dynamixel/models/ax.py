@@ -38,7 +38,7 @@ class AX12A(AXTable):
         motor="cored",
         standby_current=0.050,
         link=TTL,
-        doubts=("AX-12 and AX-12+ weigh 53.5 g; what else of them differs from the AX-12A is not known.",),
+        remarks=("AX-12 and AX-12+ weigh 53.5 g; what else of them differs from the AX-12A is not known.",),
     )
 
 
@@ -60,7 +60,7 @@ class AX12W(AXTable):
         gear_ratio=32,
         gear="engineering plastic",
         link=TTL,
-        doubts=(
+        remarks=(
             "The speed is that of endless turn; in position mode the maker gives 54 rpm.",
             "The unit of moving_speed in position mode is printed as that of the AX-12A, which has other gears.",
         ),
@@ -91,7 +91,7 @@ class AX18A(AXTable):
         gear_ratio=254,
         gear="engineering plastic",
         link=TTL,
-        doubts=("The AX-18F weighs 54.5 g.",),
+        remarks=("The AX-18F weighs 54.5 g.",),
     )
 
     highest_limit_temperature = AXTable.highest_limit_temperature.with_(default=75)

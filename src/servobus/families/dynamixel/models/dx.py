@@ -61,7 +61,7 @@ class DX116(DXTable):
         gear_ratio=142.5,
         gear=METAL,
         link=RS485,
-        doubts=("The maker gives no speed.",),
+        remarks=("The maker gives no speed.",),
     )
 
     cw_compliance_margin = DXTable.cw_compliance_margin.with_(default=0)

@@ -30,7 +30,7 @@ class EX106P(ComplianceTable):
         motor="Maxon RE-MAX",
         standby_current=0.055,
         link=RS485,
-        doubts=(
+        remarks=(
             "ED-55: another source adds 8 N·m and 69 rpm at 14.8 V, and has 6.1 A as the largest current.",
             "The EX-106 without a plus is another servo: 164:1, 280°, 6.9 N·m and 69.9 rpm at 18.5 V.",
             "The make of the motor is told by one program alone, SmartServoFramework.",

@@ -113,7 +113,7 @@ class MX12W(MXTable):
         gear="engineering plastic",
         standby_current=0.060,
         link="TTL, half duplex, 8N1, 3 pins, 8000 bit/s to 3 Mbit/s",
-        doubts=("The maker gives no stall torque.", "ED-51: its page prints the model number 104."),
+        remarks=("The maker gives no stall torque.", "ED-51: its page prints the model number 104."),
     )
 
     speed = Quantity("rad/s", 0.916 * rpm)
@@ -152,7 +152,7 @@ class MX28(MXTable):
         motor="Maxon, coreless",
         standby_current=0.100,
         link=LINK,
-        doubts=("The weight is that of AT and AR; T and R weigh 72 g.",),
+        remarks=("The weight is that of AT and AR; T and R weigh 72 g.",),
     )
 
 
@@ -200,7 +200,7 @@ class MX64(CurrentTable):
         motor="Maxon, coreless",
         standby_current=0.100,
         link=LINK,
-        doubts=("The weight is that of AT and AR; T and R weigh 126 g.",),
+        remarks=("The weight is that of AT and AR; T and R weigh 126 g.",),
     )
 
     highest_limit_voltage = CurrentTable.highest_limit_voltage.with_(default=240)

@@ -82,5 +82,5 @@ class RX64(RXTable):
         gear=METAL,
         standby_current=0.050,
         link=RS485,
-        doubts=("ED-55: another source has 4.0 N·m, without a voltage.",),
+        remarks=("ED-55: another source has 4.0 N·m, without a voltage.",),
     )

@@ -35,7 +35,7 @@ class RX28(RXTable):
         standby_current=0.050,
         max_current=1.2,
         link="RS-485, half duplex, 8N1, 7843 bit/s to 1 Mbit/s (ED-09)",
-        doubts=("ED-12: the online manual has 12 to 18.5 V, at most 80 °C, and at 18.5 V 3.7 N·m, 1.9 A and 85 rpm.",),
+        remarks=("ED-12: the online manual has 12 to 18.5 V, at most 80 °C, and at 18.5 V 3.7 N·m, 1.9 A and 85 rpm.",),
     )
 
     return_delay_time = RXTable.return_delay_time.with_(

@@ -147,7 +147,7 @@ class DRS0402(MagneticTable):
         weight=0.123,
         size=(0.056, 0.035, 0.038),
         confidence=Confidence.MEDIUM,
-        doubts=(
+        remarks=(
             "Its factory settings are those of the DRS-0602, whose manual prints the model number of the DRS-0402.",
             "Its speed without load is open (EH-61).",
         ),

@@ -94,7 +94,7 @@ class DRS0101(SmallTable):
         motor="cored DC, potentiometer",
         link="TTL level, full duplex, 8N1, 57.6 to 666.7 kbit/s",
         confidence=Confidence.MEDIUM,
-        doubts=("Its speed without load, 0.166 s for 60° at 7.4 V, is what sellers print (EH-61).",),
+        remarks=("Its speed without load, 0.166 s for 60° at 7.4 V, is what sellers print (EH-61).",),
     )
     model_no1 = SmallTable.model_no1.with_(default=0x01, note="EH-54")
     model_no2 = SmallTable.model_no2.with_(default=0x01)
@@ -110,7 +110,7 @@ class DRS0201(SmallTable):
         weight=0.060,
         gear="metal",
         motor="coreless DC, potentiometer",
-        doubts=("Its speed without load, 0.147 s for 60° at 7.4 V, is what sellers print (EH-61).",),
+        remarks=("Its speed without load, 0.147 s for 60° at 7.4 V, is what sellers print (EH-61).",),
     )
     model_no1 = SmallTable.model_no1.with_(default=0x02, note="EH-54")
     model_no2 = SmallTable.model_no2.with_(default=0x01)

@@ -78,7 +78,7 @@ class DRS0401(X01Table):
         standby_current=0.030,
         link="TTL level, full duplex, 8N1, 57.6 kbit/s to 1 Mbit/s",
         confidence=Confidence.MEDIUM,
-        doubts=("Its stall torque is 5.1 or 5.2 N·m (EH-56).", "Its speed without load is open (EH-61)."),
+        remarks=("Its stall torque is 5.1 or 5.2 N·m (EH-56).", "Its speed without load is open (EH-61)."),
     )
     model_no1 = X01Table.model_no1.with_(default=0x04, note="EH-54")
     model_no2 = X01Table.model_no2.with_(default=0x01)
@@ -92,7 +92,7 @@ class DRS0601(X01Table):
         performance=(Performance(14.8, 7.6),),
         weight=0.145,
         size=(0.056, 0.035, 0.046),
-        doubts=("Its speed without load is open (EH-61).",),
+        remarks=("Its speed without load is open (EH-61).",),
     )
     model_no1 = X01Table.model_no1.with_(default=0x06, note="EH-54")
     model_no2 = X01Table.model_no2.with_(default=0x01)

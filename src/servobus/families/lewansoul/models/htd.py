@@ -15,7 +15,7 @@ class HTD35H(HighVoltage):
     series = "HTD"
     sheet = lx_sheet(
         at(11.1, 35.0), voltage=(9.0, 12.6), confidence=Confidence.MEDIUM,
-        doubts=("One text has 12 to 14.8 V for an HTD-35H3.", THREE_CELLS),
+        remarks=("One text has 12 to 14.8 V for an HTD-35H3.", THREE_CELLS),
     )  # fmt: skip
 
 
@@ -26,5 +26,5 @@ class HTD45H(HighVoltage):
     names = ("HTD-455H",)
     series = "HTD"
     sheet = lx_sheet(
-        at(12.0, 45.0), voltage=(9.0, 12.6), weight=0.064, size=(0.0511, 0.02014, 0.040), doubts=(THREE_CELLS,)
+        at(12.0, 45.0), voltage=(9.0, 12.6), weight=0.064, size=(0.0511, 0.02014, 0.040), remarks=(THREE_CELLS,)
     )

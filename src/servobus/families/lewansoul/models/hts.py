@@ -15,7 +15,7 @@ class HTS20H(HighVoltage):
     series = "HTS"
     sheet = lx_sheet(
         at(11.1, 20.0, 0.18), voltage=(9.0, 12.6), weight=0.058, confidence=Confidence.MEDIUM,
-        doubts=("A text of a user has 9.6 V as its lowest supply.",),
+        remarks=("A text of a user has 9.6 V as its lowest supply.",),
     )  # fmt: skip
 
 
@@ -42,7 +42,7 @@ class HTS21H(HighVoltage):
     series = "HTS"
     sheet = lx_sheet(
         at(11.1, 20.0), voltage=(9.0, 12.6), confidence=Confidence.LOW,
-        doubts=("Its torque is that of the arm it is part of, which lists it beside the HTS-20H.", THREE_CELLS),
+        remarks=("Its torque is that of the arm it is part of, which lists it beside the HTS-20H.", THREE_CELLS),
     )  # fmt: skip
 
 
@@ -53,7 +53,7 @@ class HTS30HS(HighVoltage):
     series = "HTS"
     sheet = lx_sheet(
         confidence=Confidence.LOW,
-        doubts=(
+        remarks=(
             "30 kgf·cm stand in the name of the product, with no voltage.",
             "That it speaks this protocol is said by the list of one library alone.",
         ),
@@ -67,5 +67,5 @@ class HTS35H(HighVoltage):
     series = "HTS"
     sheet = lx_sheet(
         at(11.1, 35.0), voltage=(9.0, 12.6), weight=0.064, confidence=Confidence.MEDIUM,
-        doubts=("EL-34: one text has 6 to 8.4 V and 0.16 s for 60°.", THREE_CELLS),
+        remarks=("EL-34: one text has 6 to 8.4 V and 0.16 s for 60°.", THREE_CELLS),
     )  # fmt: skip

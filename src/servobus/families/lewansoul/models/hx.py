@@ -18,7 +18,7 @@ class HX12H(HighVoltage):
     series = "HX"
     sheet = lx_sheet(
         at(11.1, 12.0, 0.20, stall_current=1.3), voltage=(9.0, 12.6),
-        doubts=("Its torque is printed for 11.0 V, its speed for 11.1 V.",),
+        remarks=("Its torque is printed for 11.0 V, its speed for 11.1 V.",),
     )  # fmt: skip
 
 
@@ -45,5 +45,5 @@ class HX35H(HighVoltage):
     series = "HX"
     sheet = lx_sheet(
         at(11.1, 35.0, 0.18), voltage=(9.0, 12.6), weight=0.052, confidence=Confidence.MEDIUM,
-        doubts=("25 kgf·cm are told for the turning shaft, 35 for the one at rest.", THREE_CELLS),
+        remarks=("25 kgf·cm are told for the turning shaft, 35 for the one at rest.", THREE_CELLS),
     )  # fmt: skip

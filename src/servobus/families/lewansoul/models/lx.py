@@ -33,7 +33,7 @@ class LX16A(LxTable):
         size=(1.78 * INCH, 0.97 * INCH, 1.38 * INCH),
         link="one data wire, half duplex, 8N1, 115200 bit/s",
         confidence=Confidence.MEDIUM,
-        doubts=("EL-27: other pages have 17 kgf·cm at 7.4 V; no DC motor has both torques that stand here.",),
+        remarks=("EL-27: other pages have 17 kgf·cm at 7.4 V; no DC motor has both torques that stand here.",),
     )
 
 
@@ -45,7 +45,7 @@ class LX15D(LxTable):
     sheet = lx_sheet(
         at(6.0, 17.3), at(7.4, 20.4, 0.188),
         voltage=(6.0, 8.4), weight=0.054, confidence=Confidence.MEDIUM,
-        doubts=("EL-28: another list has 15 kgf·cm.",),
+        remarks=("EL-28: another list has 15 kgf·cm.",),
     )  # fmt: skip
 
 
@@ -56,7 +56,7 @@ class LX224(LxTable):
     series = "LX"
     sheet = lx_sheet(
         at(7.4, 20.0, 0.20), voltage=(6.0, 8.4), weight=0.063, confidence=Confidence.MEDIUM,
-        doubts=("17 kgf·cm in one list, 20 in five texts.",),
+        remarks=("17 kgf·cm in one list, 20 in five texts.",),
     )  # fmt: skip
 
 
@@ -67,7 +67,7 @@ class LX224HV(HighVoltage):
     series = "LX"
     sheet = lx_sheet(
         at(11.1, 20.0, 0.20), voltage=(9.0, 12.6), confidence=Confidence.MEDIUM,
-        doubts=(
+        remarks=(
             "0.18 s for 60° in another text, and 24 kgf·cm at 7.4 V in a third, which does not go with its name.",
             "Its range of supply is that of three lithium cells, 11.1 V nominal: assumption.",
         ),
@@ -80,7 +80,7 @@ class LX225(LxTable):
     title = "LX-225"
     series = "LX"
     sheet = lx_sheet(
-        at(7.4, 25.0), voltage=(6.0, 8.4), confidence=Confidence.LOW, doubts=("Its torque is from a single table.",)
+        at(7.4, 25.0), voltage=(6.0, 8.4), confidence=Confidence.LOW, remarks=("Its torque is from a single table.",)
     )
 
 

@@ -33,7 +33,7 @@ def lx_sheet(
     weight: float | None = None,
     size: tuple[float, float, float] | None = None,
     confidence: Confidence = Confidence.HIGH,
-    doubts: tuple[str, ...] = (),
+    remarks: tuple[str, ...] = (),
 ) -> SpecSheet:
     """Make the sheet of a model: what they have in common, 240° in 1000 steps (EL-30), is filled in.
 
@@ -50,7 +50,7 @@ def lx_sheet(
         size=size,
         link="one data wire, half duplex, 8N1, 115200 bit/s",
         confidence=confidence,
-        doubts=doubts,
+        remarks=remarks,
     )
 
 
