@@ -18,6 +18,8 @@ def main() -> None:
     try:
         from servobus.cli.app import app  # noqa: PLC0415 - see above
 
+        if "_SERVOBUS_COMPLETE" in os.environ:
+            from servobus.cli import complete_bash  # noqa: F401, PLC0415 - only the Tab key needs it
         app(prog_name="servobus")
     except KeyboardInterrupt:
         # Ctrl-C while modules are still loading: nothing has been sent yet.

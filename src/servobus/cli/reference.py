@@ -94,8 +94,12 @@ def models(names: tuple[str, ...], json: bool) -> None:
     if names:
         from servobus.cli.virtual_motors import motor_lines  # noqa: PLC0415 - virtual servos are slow to import
 
+        out = console()
         for n, model in enumerate(found):
-            click.echo("\n" * bool(n) + "\n".join(filter(None, [*model_lines(model), *motor_lines(model)])))
+            if n:
+                click.echo()
+            for line in filter(None, [*model_lines(model), *motor_lines(model)]):
+                out.print(line, markup=False, soft_wrap=not out.is_terminal)
         note(f"`servobus registers {found[0].key()}` shows what it can be asked and told")
         return
     from rich.table import Table  # noqa: PLC0415 - rich is slow to import and not always wanted
@@ -126,4 +130,5 @@ def models(names: tuple[str, ...], json: bool) -> None:
             str(sheet.confidence),
         )
     console().print(table)
-    note("`servobus models NAME` tells more of one, `servobus registers NAME` what it can be asked and told")
+    note("`servobus models NAME` tells more of one, `servobus registers NAME` shows what")
+    note("it can be asked and told")

@@ -26,6 +26,7 @@ from servobus.families.change import set_registers
 from servobus.jobs import reconfigure
 from servobus.jobs.backup import Backup, Comparison, backup, compare, identity_names, restore
 from servobus.jobs.look import identify_at
+from servobus.jobs.make_safe import let_go
 from servobus.jobs.scan import FoundServo, ScanProblem, ScanResult, Watcher, scan
 from servobus.robots.attendance import Attendance
 from servobus.robots.joint import Joint, Part
@@ -202,6 +203,8 @@ def carry_out(plan: Adoption, port: str, kept_in: Path) -> Procedure[KnownServo]
     refused: NotRestored | None = None
     try:
         yield SetBaud(target.baud)
+        if (yield from target.model.family.read_torque(target)).on:
+            yield from let_go(target)
         try:
             yield from restore(target, replace(plan.settings, values=early), torque_off=True)
         except NotRestored as error:

@@ -14,6 +14,7 @@ from serial.tools import list_ports
 from servobus import FAMILIES, LX16A, MODELS, RX28
 from servobus.cli import complete
 from servobus.cli.app import app
+from servobus.cli.complete_bash import WholeWords
 from unit.cli.verbs import NAMES
 
 SHELLS = {"bash": BashComplete, "zsh": ZshComplete, "fish": FishComplete}
@@ -115,3 +116,31 @@ def test_M12_a_shell_is_answered() -> None:
     )  # fmt: skip
     assert re.fullmatch(r"plain,--family\s*", done.stdout)
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize(
+    ("typed", "words", "offers"),
+    [
+        # how bash 5 breaks what is typed, from its manual: COMP_WORDBREAKS has : and =
+        ("read virtual:drs060", ["read", "virtual", ":", "drs060"], "drs0602@1"),
+        ("read virtual:", ["read", "virtual", ":"], "rx28@1"),
+        ("write virtual:rx28@1 1 lock", ["write", "virtual", ":", "rx28@1", "1", "lock"], "lock="),
+        (
+            "write virtual:rx28@1 1 led=on lock",
+            ["write", "virtual", ":", "rx28@1", "1", "led", "=", "on", "lock"],
+            "lock=",
+        ),
+        ("read x --family=dyn", ["read", "x", "--family", "=", "dyn"], "dynamixel"),
+        ("rea", ["rea"], "read"),
+    ],
+)
+def test_M12_bash_breaks_words_and_they_are_put_together(
+    typed: str, words: list[str], offers: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COMP_WORDS", "\n".join(["servobus", *words]))
+    monkeypatch.setenv("COMP_CWORD", str(len(words)))
+    shell = WholeWords(app, {}, "servobus", "_SERVOBUS_COMPLETE")
+    args, incomplete = shell.get_completion_args()
+    assert " ".join([*args, incomplete]) == typed
+    assert f"plain,{offers}" in shell.complete().splitlines()
+    assert "compopt -o nospace" in shell.source_template

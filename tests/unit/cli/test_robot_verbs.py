@@ -120,6 +120,19 @@ def test_a_move_that_cannot_be_done_moves_nothing(
     assert "torque switched on" not in said
 
 
+def test_what_is_missing_is_not_moved_and_the_others_can_be(run: Run, refused: Callable[..., str], arm: Path) -> None:
+    arm.write_text(LIVE.replace("rx28@1-3", "rx28@1-2"))
+    for words in (
+        ("robot", "move", arm, "base=5", "lift=0"),
+        ("robot", "move", arm, "lift+=5"),
+        ("pose", "go", arm, "home"),
+    ):
+        said = refused(*words)
+        assert "lift is missing: RX-28 id 3" in said
+        assert "nothing was done" in said
+    assert run("robot", "move", arm, "base=5").stderr == "torque switched on: base\n"
+
+
 # Poses
 
 
@@ -138,7 +151,7 @@ def test_a_pose_is_saved_with_all_comments(run: Run, arm: Path) -> None:
 def test_a_pose_of_lost_joints_is_not_saved(refused: Callable[..., str], arm: Path) -> None:
     text = LIVE.replace("rx28@1-3", "rx28@1-2")
     arm.write_text(text)
-    assert "lift: no answer, so nothing was saved" in refused("pose", "save", arm, "here")
+    assert "lift is missing: RX-28 id 3" in refused("pose", "save", arm, "here")
     assert arm.read_text() == text
 
 

@@ -141,6 +141,18 @@ def test_a_pulled_cable_says_what_was_there_before(tmp_path: Path) -> None:
     assert failure.value.before["id"] == 9
 
 
+def test_a_new_servo_with_torque_is_let_go_first(tmp_path: Path) -> None:
+    shop = shop_of(tmp_path, "lx16a")
+    new = shop.rigs["wire"].servos[3]
+    with shop.open() as arm:
+        arm.buses["wire"].attach(new.model, 9).torque_on()
+        torque = [new.torque]
+        adopt(shop, arm)
+        torque.append(new.torque)
+    assert torque == [True, False]
+    assert settings(shop, 3) == settings(shop, 2)
+
+
 def refused(shop: Workshop) -> str:
     before = shop.memories()
     with shop.open() as arm, pytest.raises(ServobusError) as failure:

@@ -176,3 +176,35 @@ def test_on_the_real_clock_ports_share_one_lock_and_threads_do_not_stand_in_each
             cycle = arm.cycle()
             for _ in range(10):
                 assert not cycle.run(shoulder=75 * deg).lost
+
+
+@pytest.mark.parametrize(
+    ("model", "zero"), [("rx28", "150deg"), ("mx64", "180deg"), ("drs0602", "0deg"), ("lx16a", "120deg")]
+)
+def test_two_servos_on_one_axis_hold_a_load_together(model: str, zero: str) -> None:
+    text = f"""
+[robot]
+format = 1
+[port.one]
+path = "/dev/ttyUSB0"
+[port.two]
+path = "/dev/ttyUSB1"
+[joint.lift]
+port = "one"
+model = "{model}"
+id = 1
+zero = "{zero}"
+mirror = {{ id = 1, port = "two", zero = "{zero}" }}
+load = {{ mass = "0.5kg", length = "0.2m", down = "-90deg" }}
+"""
+    with servobus.robot(replace(read_text(text), virtual="clock=virtual")) as arm, arm.torque():
+        arm.move(lift=0.0, time=0.5)
+        let_pass(arm, 3.0)
+        state = arm.look()["lift"]
+        shafts = [bus.transport.servos[0].shaft for bus in arm.buses.values() if isinstance(bus.transport, VirtualPort)]
+    assert state.position == pytest.approx(0.0, abs=2 * deg)
+    assert state.disagreement < 1 * deg
+    assert [shaft.velocity for shaft in shafts] == [0.0, 0.0]
+    # The second one is turned round. 0.5 kg at 0.2 m are 0.98 N·m; what friction carries of it is not driven.
+    held = shafts[0].current * shafts[0].motor.constant - shafts[1].current * shafts[1].motor.constant
+    assert 0.3 < held < 1.8

@@ -15,7 +15,7 @@ from servobus.cli.output import note, print_json
 from servobus.cli.robots.under_way import angles_entry, angles_text
 from servobus.cli.values import SECONDS, SPEED, split_assignment
 from servobus.core.units import deg, show
-from servobus.errors import UnknownName, UsageError
+from servobus.errors import RobotMismatch, UnknownName, UsageError
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_file
 from servobus.robots.file.writing import edited, quantity, save
@@ -47,9 +47,8 @@ def move(file: str, goals: tuple[str, ...], time: float | None, speed: float | N
     """
     wanted = _goals(goals)
     with robot(read_file(file), incomplete=True) as arm, signals_as_interrupt():
+        _check_there(arm, list(wanted))
         here = arm.positions() if any(goal.relative for goal in wanted.values()) else {}
-        for name in wanted:
-            arm[name]  # a name that is none is told first
         angles = {name: goal.angle + (here[name] if goal.relative else 0.0) for name, goal in wanted.items()}
         _go(arm, angles, time, speed, json=json)
 
@@ -71,6 +70,14 @@ def _goals(texts: Sequence[str]) -> dict[str, Goal]:
     return goals
 
 
+def _check_there(arm: Robot, names: Sequence[str]) -> None:
+    """Refuse joints whose servos are not there, or are not those of the file. Raises UnknownName, RobotMismatch."""
+    joints = [arm[name] for name in names]
+    unusable = arm.attendance.unusable(joints)
+    if wrong := [text for name, text in unusable.items() if name in names]:
+        raise RobotMismatch(f"{'; '.join(wrong)}; nothing was done", arm.attendance.grave)
+
+
 def _go(arm: Robot, angles: Mapping[str, float], time: float | None, speed: float | None, *, json: bool) -> None:
     """Check everything, then switch the torque on where it is off, then move, and say where all are."""
     if time is not None and speed is not None:
@@ -80,6 +87,7 @@ def _go(arm: Robot, angles: Mapping[str, float], time: float | None, speed: floa
             raise click.UsageError(f"{option} must be above 0")
     if time is not None and time > LONGEST:
         raise click.UsageError(f"--time {time:g} is more than {LONGEST:g} s")
+    _check_there(arm, list(angles))
     arm.plan_move(angles, time=time, speed=speed)
     joints = [arm[name] for name in angles]
     limp = [joint for joint in joints if not joint.look().torque]
@@ -136,6 +144,7 @@ def pose_save(file: str, name: str, joints: tuple[str, ...]) -> None:
     contents = read_file(file)
     with robot(contents, incomplete=True) as arm:
         wanted = arm.named(*joints)
+        _check_there(arm, [joint.name for joint in wanted])
         seen = arm.positions()
         if lost := [joint.name for joint in wanted if joint.name in seen.lost]:
             raise ServobusError(

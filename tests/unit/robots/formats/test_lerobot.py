@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import extent
 from servobus import FormatError
 from servobus.core.units import deg, parse
 from servobus.families import registry
@@ -134,7 +135,7 @@ def test_a_pair_is_left_alone() -> None:
     assert any("base" in note and "poses" in note for note in changes.notes)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=200 if extent.everything else 15)
 @given(
     model=st.sampled_from([one for one in registry.MODELS.entries.values() if not one.generic]),
     ends=st.tuples(st.floats(0, 1), st.floats(0, 1)),

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import extent
 from servobus import FormatError
 from servobus.core.units import deg
 from servobus.robots.file.reading import read_text
@@ -112,7 +113,7 @@ MOTORS = st.fixed_dictionaries(
 )
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=200 if extent.everything else 15)
 @given(first=MOTORS, second=MOTORS)
 def test_there_and_back(first: dict[str, Any], second: dict[str, Any]) -> None:
     said = config(a=motor(**first), b=motor(**second) | {"id": 2})

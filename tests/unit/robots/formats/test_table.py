@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import extent
 from servobus import FormatError, PortError, UnknownName
 from servobus.robots import opening
 from servobus.robots.file.reading import read_text
@@ -68,7 +69,7 @@ def places(said: Any, before: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     return [before, *(path for key, value in inside for path in places(value, (*before, key)))]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=200 if extent.everything else 15)
 @given(data=st.data(), name=st.sampled_from(sorted(THEIRS)))
 def test_whatever_stands_in_a_file_it_is_taken_or_refused(data: st.DataObject, name: str) -> None:
     said = {"it": deepcopy(THEIRS[name])}

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import extent
 from servobus import FormatError
 from servobus.core.units import deg, parse
 from servobus.robots.file.reading import read_text
@@ -108,7 +109,7 @@ def test_joints_go_out_in_joint_space() -> None:
     assert {f"{name}_link" for name in JOINTS} < links
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=200 if extent.everything else 15)
 @given(low=st.integers(-1200, -1), high=st.integers(1, 1200))
 def test_limits_there_and_back(low: int, high: int) -> None:
     text = SIX.replace('["-120deg", "120deg"]', f'["{low / 10}deg", "{high / 10}deg"]')
