@@ -26,6 +26,9 @@ class ByJoint(Mapping[str, V], Generic[V]):
             raise self.lost[joint]
         return self._values[joint]
 
+    def __contains__(self, joint: object) -> bool:
+        return joint in self._values  # asking for one that is lost raises its error, which is no answer here
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)
 
