@@ -1,20 +1,19 @@
 """Goals at the rate of somebody else: each is gone to within the limits of speed and acceleration of the joints."""
 
 from collections.abc import Mapping
+from typing import Any
 
-from servobus import ServobusError
-from servobus.bus.servo import Servo
 from servobus.core.operation import Priority
-from servobus.robots import jobs, stream
 from servobus.robots.blocking import Robot
-from servobus.robots.cycle import RobotCycle
-from servobus.robots.motion import limits_of
-from servobus.robots.supervision import LOST, Supervision
+from servobus.robots.stream import Streamed
+from servobus.robots.supervision import LOST
 from servobus.robots.trajectory.follower import BrakingFollower
 from servobus.robots.trajectory.path import State
 
+RATE = 30.0
+"""Goals a second that LeRobot gives, more or less: servos that are told a time for their way are told this one."""
 SOONEST, LATEST = 0.001, 0.1
-"""s between two goals, as far as it is taken into account: after a longer pause a joint goes on as after this one."""
+"""s between two goals, as far as it is taken into account: after a longer time a joint goes on as after this one."""
 
 
 class Driving:
@@ -24,10 +23,7 @@ class Driving:
         self.arm, self.joints = arm, list(arm)
         self.driven = False
         """Whether the torque was switched on here."""
-        self._limits = {joint.name: limits_of(joint) for joint in self.joints}
-        self._cycle = RobotCycle(arm.ports, self.joints, "present_position", 0.0)
-        self._supervision = Supervision(self.joints)
-        self._had: dict[Servo, int] = {}
+        self._stream: Streamed[Any] | None = None
         self._follower: BrakingFollower | None = None
         self._last = 0.0
 
@@ -37,35 +33,39 @@ class Driving:
         Raises what ended the motion: a joint that is silent, held or without torque. All joints were stopped then, and
         the next goals set off from where they are.
         """
-        follower = self._follower or self._begin()
+        if self._stream is not None and self.arm.ports.now() - self._last > LOST:
+            self._end(None, stop=False)  # nobody looked meanwhile: set off anew
+        if self._stream is None or self._follower is None:
+            self._begin()
+        stream, follower = self._stream, self._follower
+        assert stream is not None
+        assert follower is not None
         now = self.arm.ports.now()
-        since, self._last = now - self._last, now
-        if since > LOST:  # nobody looked meanwhile, so nothing is known of it
-            self.arm.do(self._supervision.begin(), priority=Priority.MOTION)
-        follower.tick = min(max(since, SOONEST), LATEST)
+        follower.tick = min(max(now - self._last, SOONEST), LATEST)
+        self._last = now
         follower.aim(goals)
-        states = follower.step()
         sent = {}
+        states = follower.step()
         for joint in self.joints:
             low, high = joint.limits
-            sent[joint.name] = min(max(states[joint.name].position, low), high)
+            state = states[joint.name]
+            sent[joint.name] = State(min(max(state.position, low), high), state.speed, state.acceleration)
         try:
-            seen = self.arm.do(self._cycle.turn(sent), priority=Priority.MOTION)
-            self.arm.do(self._supervision.watch(states, seen), priority=Priority.MOTION)
+            self.arm.do(stream.send(sent), priority=Priority.MOTION)
         except BaseException as error:
-            try:
-                self._stop()
-            except ServobusError as failure:
-                error.add_note(str(failure))
+            self._end(error, stop=True)
             raise
-        return {name: sent[name] for name in goals}
+        return {name: sent[name].position for name in goals}
 
     def end(self, *, release: bool) -> None:
         """Stop and make safe; with `release` go to the pose `rest` of the file, if there is one, and go limp."""
         if not self.driven:
             return
         try:
-            self._stop()
+            if self._stream is not None:
+                self._end(None, stop=True)
+            else:
+                self.arm.stop()
             if release and (rest := self.arm.file.robot.rest) is not None:
                 self.arm.move(self.arm.pose(rest)).wait()
         except BaseException:
@@ -76,21 +76,20 @@ class Driving:
         else:
             self.arm.make_safe()
 
-    def _begin(self) -> BrakingFollower:
+    def _begin(self) -> None:
         self.arm.torque_on()
         self.driven = True
-        self._had = self.arm.do(stream.begin(self.joints), priority=Priority.MOTION)
-        start = self.arm.do(stream.where(self.joints), priority=Priority.MOTION)
-        self.arm.do(self._supervision.begin(), priority=Priority.MOTION)
-        self._last = self.arm.ports.now()
-        self._follower = BrakingFollower({name: State(angle) for name, angle in start.items()}, self._limits, LATEST)
-        return self._follower
-
-    def _stop(self) -> None:
-        """Stop all joints where they are, and give their servos back what streaming took."""
-        self._follower = None
+        stream = self._stream = Streamed(self.arm.ports, self.joints, RATE)
         try:
-            self.arm.do(jobs.stop(self.joints), priority=Priority.STOP)
-        finally:
-            self.arm.do(stream.end(self.joints, self._had), priority=Priority.MOTION)
-            self._had = {}
+            start = self.arm.do(stream.set_off(), priority=Priority.MOTION)
+        except BaseException as error:
+            self._end(error, stop=True)
+            raise
+        self._follower = BrakingFollower({name: State(angle) for name, angle in start.items()}, stream.limits, LATEST)
+        self._last = self.arm.ports.now()
+
+    def _end(self, error: BaseException | None, *, stop: bool) -> None:
+        """Give the servos back what streaming took, after all joints were stopped if that is asked for."""
+        stream, self._stream, self._follower = self._stream, None, None
+        if stream is not None:
+            self.arm.do(stream.finish(error, stop=stop), priority=Priority.STOP if stop else Priority.MOTION)

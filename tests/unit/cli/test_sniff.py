@@ -406,7 +406,7 @@ def test_ports_and_files_that_cannot_be_had(tmp_path: Path, refused: Callable[..
     with wire() as (_, port):
         assert "exists and is no link" in refused("sniff", port, "--app", taken)
         assert f"{taken} exists already and is not replaced" in refused("sniff", port, "--save", taken)
-        assert "No such file or directory" in refused("sniff", port, "--save", tmp_path / "no" / "file")
+        assert f"there is no folder {tmp_path / 'no'}" in refused("sniff", port, "--save", tmp_path / "no" / "file")
         with serial.Serial(port, exclusive=True):
             assert "in use by this process" in refused("sniff", port)
     assert taken.read_text() == "mine"
