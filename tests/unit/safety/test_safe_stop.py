@@ -35,7 +35,7 @@ options = {"safe_action": action} if action else {}
 
 # Where all cores are busy servos answer late, and one that seems not to answer is told to stop again.
 def be_patient(bus):
-    bus.transport.latency = 5.0
+    bus.transport.latency = 0.3  # s: a stop waits so long for what was under way, so no more
     bus.link.latency.review()
 
 def finish():
