@@ -310,7 +310,9 @@ def attempt(world: World, case: Case) -> None:
 
 MOVES = {"move", "step"}
 """Verbs that move a servo by their name; and `turn`, but for its end."""
-ALONE = {"ports", "robot", "virtual", "demo", "models", "registers", "decode"}
+ROBOTS = {"robot", "pose", "teach", "play", "teleop"}
+"""Verbs that are given a robot file: tests/unit/cli/test_robot_verbs.py and its neighbours look after them."""
+ALONE = {"ports", "virtual", "demo", "models", "registers", "decode"} | ROBOTS
 """Verbs that are given no port."""
 
 ASKING_LINES: dict[str, list[str]] = {

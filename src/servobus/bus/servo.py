@@ -394,25 +394,7 @@ class Servo(Closed):
         policy = policy_register(self.model)
         level = None if policy is None else saved.values.get(policy.name)
         wanted = {policy: level} if policy is not None and level is not None and policy.accepts(level) else {}
-        return (yield from self.under_new_policy(wanted, restore(self.target, saved, torque_off=torque_off)))
-
-    def under_new_policy(self, raw: Mapping[Register[Any], int], job: Procedure[T]) -> Procedure[T]:
-        """Carry out a job that may set which requests the servo answers; from its end on answers are expected so.
-
-        The values are raw: those that the job may write. Without the register for it among them nothing is special.
-        """
-        policy = policy_register(self.model)
-        if policy is None or policy not in raw:
-            return (yield from job)
-        try:
-            result = yield from job
-        except (BusError, NotRestored):
-            # Nothing tells whether the policy was written before the failure: ask, and if that fails too, stay.
-            with suppress(BusError):
-                yield from self._meet_again(self.id)
-            raise
-        self.target = replace(self.target, answers=Answers(raw[policy]))
-        return result
+        return (yield from under_new_policy(self, wanted, restore(self.target, saved, torque_off=torque_off)))
 
     # Printing
 
@@ -484,9 +466,28 @@ class Servo(Closed):
         self._no_identity(raw)
         torque = self.model.register("torque_enable")
         write = self.family.store if keep else self.family.write
-        yield from self.under_new_policy(raw, write(self.target, raw))
+        yield from under_new_policy(self, raw, write(self.target, raw))
         if torque in raw and not self.family.torque_on(raw[torque]):
             self.permit.mark_idle()
+
+
+def under_new_policy(servo: Servo, raw: Mapping[Register[Any], int], job: Procedure[T]) -> Procedure[T]:
+    """Carry out a job that may set which requests a servo answers; from its end on answers are expected so.
+
+    The values are raw: those that the job may write. Without the register for it among them nothing is special.
+    """
+    policy = policy_register(servo.model)
+    if policy is None or policy not in raw:
+        return (yield from job)
+    try:
+        result = yield from job
+    except (BusError, NotRestored):
+        # Nothing tells whether the policy was written before the failure: ask, and if that fails too, stay.
+        with suppress(BusError):
+            yield from servo._meet_again(servo.id)
+        raise
+    servo.target = replace(servo.target, answers=Answers(raw[policy]))
+    return result
 
 
 def _nothing(_old: int, _new: int) -> None:

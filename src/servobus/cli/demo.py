@@ -31,9 +31,9 @@ PRINT_PERIOD = 1.0
 
 
 @verb("demo", "servobus demo", "servobus demo --seconds 30", "servobus demo robot")
-@click.argument("what", type=click.Choice(("servos", "robot")), default="servos")
+@click.argument("shown", metavar="[servos|robot]", type=click.Choice(("servos", "robot")), default="servos")
 @click.option("--seconds", type=float, default=8.0, show_default=True, metavar="N", help="How long they move.")
-def demo(what: str, seconds: float) -> None:
+def demo(shown: str, seconds: float) -> None:
     """Find, move and read servos of all three families: virtual ones, nothing needs to be plugged in.
 
     With `robot` it is two arms, described by robot files: a hand moves the limp one, and the other one, of other
@@ -44,7 +44,7 @@ def demo(what: str, seconds: float) -> None:
     """
     if not 0 < seconds <= 3600:
         raise click.UsageError(f"--seconds {seconds:g} is not in 0 .. 3600")
-    if what == "robot":
+    if shown == "robot":
         from servobus.cli.demo_robot import demo_robot  # noqa: PLC0415 - only it needs robots
 
         with signals_as_interrupt():

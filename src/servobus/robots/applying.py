@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 from servobus.bus.base import BaseBus
-from servobus.bus.servo import Servo
+from servobus.bus.servo import Servo, under_new_policy
 from servobus.core.exchange import Job, Procedure, SetBaud
 from servobus.core.registers import Register
 from servobus.core.units import said as said_value
@@ -132,7 +132,7 @@ def restore_servo(servo: Servo, saved: Backup, *, torque_off: bool = False) -> P
     policy = policy_register(servo.model)
     level = None if policy is None else saved.values.get(policy.name)
     changed = {policy: level} if policy is not None and level is not None and policy.accepts(level) else {}
-    return (yield from servo.under_new_policy(changed, restore(servo.target, saved, torque_off=torque_off)))
+    return (yield from under_new_policy(servo, changed, restore(servo.target, saved, torque_off=torque_off)))
 
 
 def _write_ram(servo: Servo, values: Mapping[Register[Any], int], *, torque_off: bool) -> Procedure[list[str]]:

@@ -238,7 +238,7 @@ def test_goals_on_the_wire_are_inside_the_limits_of_joint_and_servo(goals: dict[
     before = state(arm)
     inside = all(arm[name].limits[0] - 2e-6 <= angle <= arm[name].limits[1] + 2e-6 for name, angle in goals.items())
     try:
-        arm.cycle().run(goals)
+        arm.cycle(time=1.5).run(goals)
     except BadValue:
         assert not inside
         assert {name: goal for name, (_, goal, _) in state(arm).items()} == {
@@ -246,7 +246,7 @@ def test_goals_on_the_wire_are_inside_the_limits_of_joint_and_servo(goals: dict[
         }
         return
     assert inside
-    pass_time(arm, 1.5)  # at full speed each is there
+    pass_time(arm, 2.0)
     for name, angle in goals.items():
         low, high = arm[name].limits
         for servo, got in zip(servos_of(arm, name), shaft_angles(arm, name), strict=True):
