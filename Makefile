@@ -16,6 +16,8 @@ LEROBOT := lerobot==0.6.1 draccus==0.11.6 mergedeep typing-inspect typing_extens
 	pyyaml-include toml huggingface_hub numpy tqdm packaging filelock fsspec httpx requests
 # One process for each core, and a test goes to whoever is free. Tests start many programs: these find their bytecode.
 SPREAD := -n auto --dist worksteal
+# Short of all models many tests wait more than they reckon: one process more than cores keeps the cores at work.
+BUSY := -n $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)') --dist worksteal
 # Tests on real time may fail where the others keep all cores busy: what failed is run once more, by itself.
 ALONE = echo "what failed, once more by itself" && $(BIN)/python -m pytest --all --last-failed
 unexport PYTHONDONTWRITEBYTECODE
@@ -52,7 +54,7 @@ demo: $(CORE)  ## find, read and move virtual servos of three families
 	@$(BIN)/servobus demo
 
 test: $(READY)  ## run the tests, slow ones with a few models that stand for all
-	@$(BIN)/python -m pytest $(SPREAD)
+	@$(BIN)/python -m pytest $(BUSY)
 
 test-all: $(READY)  ## run all tests with all models, and more examples of each property
 	@$(BIN)/python -m pytest $(SPREAD) --all || { [ $$? = 1 ] && $(ALONE); }
