@@ -11,17 +11,23 @@ from typing import Any
 
 from servobus.core.arguments import check_above_0
 from servobus.core.exchange import Now, Pause
-from servobus.core.units import deg, show
+from servobus.core.units import show
 from servobus.errors import BadValue, Disagreement, MotionError, ServobusError, TorqueOff, UsageError
-from servobus.jobs.move import LOOK, SHORTEST, PlannedMove, cancel, has_ended, plan, start_move, wait_arrival
+from servobus.jobs.move import (
+    DEFAULT_SPEED,
+    GRACE,
+    LOOK,
+    SHORTEST,
+    PlannedMove,
+    cancel,
+    has_ended,
+    plan,
+    start_move,
+    wait_arrival,
+)
 from servobus.robots import jobs
 from servobus.robots.joint import Joint
 from servobus.robots.steps import RobotJob, each, together
-
-DEFAULT_SPEED = 90 * deg
-"""rad/s of the joint with the longest way, where neither time nor speed is given; a joint's own limit comes first."""
-GRACE = 2.0
-"""s after which a joint that should have arrived and has not counts as one that does not arrive."""
 
 
 class JointMove:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Procedure, SetBaud
 from servobus.core.units import deg
-from servobus.errors import BusError, MotionError, ServobusError, TorqueOff
+from servobus.errors import ServobusError, TorqueOff
 from servobus.robots import jobs
 from servobus.robots.cycle import RobotCycle, RobotResult
 from servobus.robots.joint import Joint, Part
@@ -74,7 +74,7 @@ def end(joints: Sequence[Joint], had: Mapping[Servo, int]) -> RobotJob[None]:
             yield SetBaud(servo.baud)
             try:
                 yield from servo.family.write(servo.target, {row: had[servo]})
-            except (BusError, ServobusError):
+            except ServobusError:
                 continue
 
     yield from each(jobs.on_each_port(parts, give_back))
@@ -137,7 +137,7 @@ class Streamed(Turns[K]):
         try:
             if stop or error is not None:
                 yield from jobs.stop(self.joints)
-        except (MotionError, ServobusError) as failure:
+        except ServobusError as failure:
             if error is None:
                 raise
             error.add_note(str(failure))
