@@ -19,7 +19,7 @@ from servobus.errors import BrokenEcho, DuplicateId, LineBusy
 from servobus.link.latency import Latency
 from servobus.virtual.serve.inprocess import VirtualPort
 from unit.bus.test_blocking import ANSWER, MODEL_BYTE, OK, PING, TEMPERATURE
-from unit.scripted import Scripted
+from unit.scripted import Scripted, own_link
 
 OTHER = "FF FF 01 04 02 29 01 CE"  # read 1 byte at 41, the other of two questions that are answered alike
 COLD = "FF FF 01 03 00 05 F6"  # ~(01+03+00+05) = F6
@@ -311,9 +311,9 @@ class TestPatience:
 
     def test_a_late_answer_teaches_it(self) -> None:
         bus, _ = linked(None, ANSWER + OK, ANSWER)
-        before = bus.link.latency.reply_margin
+        before = own_link(bus).latency.reply_margin
         temperature(bus)
-        assert bus.link.latency.reply_margin > before
+        assert own_link(bus).latency.reply_margin > before
 
 
 class TestSeveralAtOnce:
