@@ -22,6 +22,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from servobus.core.extras import library
 from servobus.core.units import deg, finite
 from servobus.core.values import frozen
 from servobus.errors import UsageError
@@ -168,12 +169,7 @@ def _cannot_write(path: Path, error: OSError) -> UsageError:
 
 
 def _mcap(module: str) -> Any:
-    try:
-        import importlib  # noqa: PLC0415 - only who records MCAP needs it
-
-        return importlib.import_module(f"mcap.{module}")
-    except ImportError:
-        raise UsageError('recordings in MCAP need its library: pip install "servobus[mcap]"; CSV needs none') from None
+    return library(f"mcap.{module}", "mcap", "recordings in CSV need nothing, those in MCAP need")
 
 
 # Reading
