@@ -9,9 +9,10 @@ from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register, register_name
 from servobus.errors import UnknownName, UsageError
 from servobus.families.base import StopOutcome
-from servobus.robots import applying, attendance, jobs, move, settings
+from servobus.jobs.scan import Watcher
+from servobus.robots import applying, attendance, jobs, move, settings, swaps
 from servobus.robots.applying import Applied
-from servobus.robots.attendance import Attendance
+from servobus.robots.attendance import Attendance, Sought
 from servobus.robots.backups import Backups
 from servobus.robots.file.entries import RobotFile
 from servobus.robots.jobs import JointState
@@ -238,15 +239,19 @@ class BaseRobot(JointSet[J], Generic[J, B]):
 
     @bus_method
     @urgent(Priority.SCAN)
-    def check(self, *, strangers: bool = True) -> RobotJob[Attendance]:
+    def check(self, *, strangers: Sought = "file", watch: Watcher | None = None) -> RobotJob[Attendance]:
         """Compare who answers with the file: missing, strangers, wrong models, swapped ones. Moves nothing.
 
-        Strangers are looked for at the speeds of the servos in the file; that takes longest. Without `strangers` only
-        those are found that have the id of a new servo.
+        strangers  "near": at the ids and speeds at which most strangers are, as opening looks for them; "file": at
+                   every id, at the speeds of the servos in the file; "everywhere": at every id, family and speed
+        watch      is told of each id at which strangers were looked for, and may be called from several threads
+
+        Servos of one model that have changed places are told where the file asks for different settings of them
+        (`registers`, `limits_in_servo`) that `apply_settings` has written.
         """
-        found = yield from attendance.check(self.file, self.buses, list(self), strangers=strangers)
-        self.attendance = found
-        return found
+        found = yield from attendance.check(self.file, self.buses, list(self), strangers=strangers, watch=watch)
+        self.attendance = yield from swaps.added(found, list(self))
+        return self.attendance
 
     # Protection
 
@@ -325,8 +330,9 @@ class BaseRobot(JointSet[J], Generic[J, B]):
 
     def _plan(self, joints: Sequence[Joint] | None = None) -> RobotJob[Plan]:
         joints = list(self) if joints is None else joints
-        found = yield from attendance.check(self.file, self.buses, list(self), strangers=False)
-        self.attendance = found
+        found = yield from attendance.check(self.file, self.buses, list(self), strangers="near")
+        # A plan brings swapped settings in order too, so it is made although servos may have changed places.
+        self.attendance = yield from swaps.added(found, list(self))
         return (yield from settings.plan(self.file.name, joints, found.unusable(joints)))
 
     def __getattr__(self, name: str) -> Any:
