@@ -20,20 +20,20 @@ from servobus.core.operation import Awaiting, Priority
 from servobus.core.registers import Register
 from servobus.errors import ServobusError, UsageError
 from servobus.families.record import SafeAction
-from servobus.robots.attendance import refuse
 from servobus.robots.base import BaseRobot, JointSet, JointVerbs
 from servobus.robots.file.entries import JointEntry, RobotFile
-from servobus.robots.joint import Part, parts_of
-from servobus.robots.move import JointMove
+from servobus.robots.joints.attendance import refuse
+from servobus.robots.joints.joint import Part, parts_of
+from servobus.robots.joints.move import JointMove
 from servobus.robots.ports import Ports
 from servobus.robots.steps import RobotJob, Together
 
 if TYPE_CHECKING:
-    from servobus.robots.cycle import AsyncRobotCycle
-    from servobus.robots.follow import AsyncFollow
-    from servobus.robots.motion import Motion
-    from servobus.robots.play import AsyncPlay
-    from servobus.robots.teach import AsyncTeach
+    from servobus.robots.joints.cycle import AsyncRobotCycle
+    from servobus.robots.motions.follow import AsyncFollow
+    from servobus.robots.motions.motion import Motion
+    from servobus.robots.motions.play import AsyncPlay
+    from servobus.robots.motions.teach import AsyncTeach
     from servobus.robots.trajectory.path import Trajectory
 
 T = TypeVar("T")
@@ -180,7 +180,7 @@ class AsyncRobotJoints(Awaiting, JointSet[AsyncRobotJoint]):
         time: float = 0.0,
     ) -> "AsyncRobotCycle":
         """Prepare a control cycle; nothing is sent. See `Robot.cycle`."""
-        from servobus.robots.cycle import AsyncRobotCycle  # noqa: PLC0415 - only control loops need it
+        from servobus.robots.joints.cycle import AsyncRobotCycle  # noqa: PLC0415 - only control loops need it
 
         return AsyncRobotCycle(self, self._ports, list(self), read, time)
 
@@ -241,24 +241,24 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
         Raises UnknownName, and BadValue where a joint would leave its limits. Limits of speed, acceleration and jerk
         stretch the time of the motion where it is too quick; `duration` of what is given tells the time.
         """
-        from servobus.robots.play import AsyncPlay  # noqa: PLC0415 - not every program plays motions
+        from servobus.robots.motions.play import AsyncPlay  # noqa: PLC0415 - not every program plays motions
 
         return AsyncPlay(self, self._ports, list(self), self.motion(motion), rate, loop=loop)
 
     def follow(self, *joints: str, rate: float = 100.0, jerk: float | None = None) -> "AsyncFollow":
-        """Prepare joints, by default all, to be given new goals while they move; see servobus.robots.follow.
+        """Prepare joints, by default all, to be given new goals while they move; see servobus.robots.motions.follow.
 
         rate  goals a second, 1 to 1000
         jerk  rad/s³, the limit for joints of which the file says none: with it jerk is limited, which needs ruckig
 
         Nothing is sent yet. Raises UnknownName for a joint that is not there, UsageError where ruckig is not installed.
         """
-        from servobus.robots.follow import AsyncFollow  # noqa: PLC0415 - not every program gives goals in flight
+        from servobus.robots.motions.follow import AsyncFollow  # noqa: PLC0415 - not every program gives goals in flight
 
         return AsyncFollow(self, self._ports, self.named(*joints), rate, jerk)
 
     def teach(self, *joints: str, rate: float = 50.0, keep: str | PathLike[str] | None = None) -> "AsyncTeach":
-        """Prepare a recording of joints that are moved by hand; see servobus.robots.teach. Nothing is sent yet.
+        """Prepare a recording of joints that are moved by hand; see servobus.robots.motions.teach. Nothing is sent yet.
 
         joints  those that go limp as it begins: hold them. If none is named, those are recorded that are limp already
         rate    readings a second, 1 to 1000
@@ -266,7 +266,7 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
 
         Raises UnknownName for a joint that is not there.
         """
-        from servobus.robots.teach import AsyncTeach  # noqa: PLC0415 - not every program teaches
+        from servobus.robots.motions.teach import AsyncTeach  # noqa: PLC0415 - not every program teaches
 
         path = None if keep is None else Path(fspath(keep))
         return AsyncTeach(self, self._ports, self.named(*joints), rate, path, named=bool(joints))

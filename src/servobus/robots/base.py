@@ -10,22 +10,23 @@ from servobus.core.registers import Register, register_name
 from servobus.errors import UnknownName, UsageError
 from servobus.families.base import StopOutcome
 from servobus.jobs.scan import Watcher
-from servobus.robots import applying, attendance, jobs, move, settings, swaps
-from servobus.robots.applying import Applied
-from servobus.robots.attendance import Attendance, Sought
-from servobus.robots.backups import Backups
 from servobus.robots.file.entries import RobotFile
-from servobus.robots.jobs import JointState
-from servobus.robots.joint import Joint
-from servobus.robots.move import JointMove
+from servobus.robots.joints import attendance, jobs, move
+from servobus.robots.joints.attendance import Attendance, Sought
+from servobus.robots.joints.jobs import JointState
+from servobus.robots.joints.joint import Joint
+from servobus.robots.joints.move import JointMove
+from servobus.robots.joints.protection import Protections
 from servobus.robots.ports import Ports
-from servobus.robots.protection import Protections
-from servobus.robots.settings import Plan, limits_alone
+from servobus.robots.settings import applying, planning, swaps
+from servobus.robots.settings.applying import Applied
+from servobus.robots.settings.backups import Backups
+from servobus.robots.settings.planning import Plan, limits_alone
 from servobus.robots.steps import RobotJob
 from servobus.robots.values import ByJoint, named_angles
 
 if TYPE_CHECKING:
-    from servobus.robots.motion import Motion
+    from servobus.robots.motions.motion import Motion
     from servobus.robots.trajectory.path import Trajectory
     from servobus.safety.overload import Level
 
@@ -233,7 +234,7 @@ class BaseRobot(JointSet[J], Generic[J, B]):
         if motion not in self.file.motions:
             known = ", ".join(self.file.motions) or "none"
             raise UnknownName(f"{self.file.name}: no motion {motion!r}; there are {known}")
-        from servobus.robots.motion import motion_of  # noqa: PLC0415 - not every program plays motions
+        from servobus.robots.motions.motion import motion_of  # noqa: PLC0415 - not every program plays motions
 
         return motion_of(self.file, motion)
 
@@ -325,7 +326,7 @@ class BaseRobot(JointSet[J], Generic[J, B]):
         """
         joints = limits_alone(list(self))
         made = (yield from self._plan(joints)) if plan is None else plan
-        yield from settings.check_inside(made, joints)
+        yield from planning.check_inside(made, joints)
         return (yield from applying.apply(made, joints, Backups(self.file), torque_off=torque_off))
 
     def _plan(self, joints: Sequence[Joint] | None = None) -> RobotJob[Plan]:
@@ -333,7 +334,7 @@ class BaseRobot(JointSet[J], Generic[J, B]):
         found = yield from attendance.check(self.file, self.buses, list(self), strangers="near")
         # A plan brings swapped settings in order too, so it is made although servos may have changed places.
         self.attendance = yield from swaps.added(found, list(self))
-        return (yield from settings.plan(self.file.name, joints, found.unusable(joints)))
+        return (yield from planning.plan(self.file.name, joints, found.unusable(joints)))
 
     def __getattr__(self, name: str) -> Any:
         if not name.startswith("_"):

@@ -28,19 +28,19 @@ from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.units import deg, finite, said, show
 from servobus.core.values import frozen
 from servobus.errors import BadValue, MotionError, UnknownName, UsageError
-from servobus.robots import jobs
 from servobus.robots.base import BaseRobot
 from servobus.robots.blocking import Robot
-from servobus.robots.cycle import RobotResult
-from servobus.robots.joint import Joint
+from servobus.robots.joints import jobs
+from servobus.robots.joints.cycle import RobotResult
+from servobus.robots.joints.joint import Joint
+from servobus.robots.motions.stream import Streamed
+from servobus.robots.motions.supervision import jumped
+from servobus.robots.motions.turns import AsyncTurns, BlockingTurns
 from servobus.robots.ports import BlockingPorts
 from servobus.robots.steps import RobotJob, Together
-from servobus.robots.stream import Streamed
-from servobus.robots.supervision import jumped
 from servobus.robots.trajectory.follower import BrakingFollower
 from servobus.robots.trajectory.limits import JointLimits
 from servobus.robots.trajectory.path import State
-from servobus.robots.turns import AsyncTurns, BlockingTurns
 
 if TYPE_CHECKING:
     from servobus.robots.asyncio import AsyncRobot

@@ -10,8 +10,8 @@ from servobus.cli.interrupts import signals_as_interrupt
 from servobus.cli.options import verb
 from servobus.cli.output import note, print_json
 from servobus.cli.scan import ProgressBar
-from servobus.robots.attendance import Finding, Sought, ids_to_ask
 from servobus.robots.blocking import Robot
+from servobus.robots.joints.attendance import Finding, Sought, ids_to_ask
 
 
 @verb(
