@@ -15,7 +15,7 @@ from servobus.cli.app import app
 from servobus.cli.robots.calibrate import _table
 from servobus.cli.robots.person import Script
 from servobus.robots.blocking import Robot
-from servobus.robots.calibration import Calibration
+from servobus.robots.calibration.flow import Calibration
 from servobus.robots.file.entries import JointEntry
 from servobus.robots.file.reading import read_file, read_text
 from servobus.virtual.device.servo import VirtualServo

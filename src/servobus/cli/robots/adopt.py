@@ -13,12 +13,12 @@ from servobus.cli.output import note
 from servobus.cli.robots.settings import file_argument
 from servobus.core.values import replace
 from servobus.jobs.backup import Backup
-from servobus.robots import adopting
-from servobus.robots.adopting import Vacancy
-from servobus.robots.backups import Backups
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_file
 from servobus.robots.opening import port_path
+from servobus.robots.settings import adopting
+from servobus.robots.settings.adopting import Vacancy
+from servobus.robots.settings.backups import Backups
 
 
 @verb(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servobus import ServobusError, robot
+from servobus.cli.held_key import HeldKey
 from servobus.cli.interrupts import signals_as_interrupt
 from servobus.cli.keys import SPACE
 from servobus.cli.options import verb
@@ -20,17 +21,16 @@ from servobus.core.exchange import Procedure, SetBaud
 from servobus.core.registers import Register
 from servobus.core.units import deg, parse, show
 from servobus.errors import RobotFileError, RobotMismatch
-from servobus.robots import jobs
-from servobus.robots.applying import on
 from servobus.robots.blocking import Robot, RobotJoint
-from servobus.robots.calibration import Calibration
+from servobus.robots.calibration.flow import Calibration
+from servobus.robots.calibration.joint import MARGIN, Key, Step, key_of
 from servobus.robots.file.entries import RobotFile
 from servobus.robots.file.reading import read_file, read_text
 from servobus.robots.file.writing import edited, save
 from servobus.robots.file.writing import undo as undo_file
-from servobus.robots.held_key import HeldKey
-from servobus.robots.joint import Part
-from servobus.robots.joint_calibration import MARGIN, Key, Step, key_of
+from servobus.robots.joints import jobs
+from servobus.robots.joints.joint import Part
+from servobus.robots.settings.applying import on
 from servobus.robots.values import check_joint
 
 if TYPE_CHECKING:

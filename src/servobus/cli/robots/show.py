@@ -13,7 +13,7 @@ from servobus.cli.robots.under_way import recording
 from servobus.core.units import show as shown
 from servobus.robots.blocking import Robot, RobotJoint
 from servobus.robots.file.reading import read_file
-from servobus.robots.jobs import JointState
+from servobus.robots.joints.jobs import JointState
 from servobus.robots.values import ByJoint
 
 if TYPE_CHECKING:
