@@ -15,9 +15,11 @@ them. Each message is in the file at once, so a file that was cut off is read up
 
 import io
 import json
-import time
+import struct
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Self
 
@@ -64,7 +66,7 @@ class McapRecording:
         self._writer = writer.Writer(self._file, use_chunking=False)
         self._channels: dict[str, int] = {}
         self._tracker = Tracker(baud=header.baud)
-        self._began = time.time_ns()
+        self._began = _nanoseconds(header.started)
         self._carefully(self._writer.start, library="servobus")
         self._put(0.0, "/header", asdict(header))
 
@@ -96,7 +98,8 @@ class McapRecording:
         for event in self._tracker.finish():
             self._put(event.time, "/packets", event_entry(event))
         self._carefully(self._writer.finish)
-        self._file.close()
+        with suppress(OSError):  # what could not be written was told
+            self._file.close()
 
     def _put(self, seconds: float, topic: str, message: Mapping[str, Any]) -> None:
         def put() -> None:
@@ -122,6 +125,14 @@ class McapRecording:
             self._on_failure(self.failure)
 
 
+def _nanoseconds(started: str) -> int:
+    """Give the time at which a recording began, in ns since 1970; 0 where it is not known."""
+    try:
+        return round(datetime.fromisoformat(started).timestamp() * 1e6) * 1000
+    except ValueError:
+        return 0
+
+
 def _schema(message: Mapping[str, Any]) -> bytes:
     """Describe a message by its first example: Foxglove wants a schema, and values may be missing later."""
     properties = {name: {"type": TYPES[type(value)]} if type(value) in TYPES else {} for name, value in message.items()}
@@ -133,25 +144,43 @@ def is_mcap(content: bytes) -> bool:
     return content.startswith(MAGIC)
 
 
+@dataclass(frozen=True, slots=True)
+class McapMessage:
+    """One message of an MCAP file. `time` is in ns of the writer's clock, `data` what its JSON says."""
+
+    topic: str
+    time: int
+    data: Any
+
+
+def mcap_messages(content: bytes) -> tuple[list[McapMessage], bool]:
+    """Give the messages of an MCAP file up to where it ends, or was cut off; and whether it was.
+
+    Raises UsageError for a file that is no MCAP, or whose messages are not JSON, and where the library is missing.
+    """
+    reader, exceptions = (library(f"mcap.{module}", "mcap", NEEDS) for module in ("reader", "exceptions"))
+    found: list[McapMessage] = []
+    try:
+        for _, channel, message in reader.NonSeekingReader(io.BytesIO(content)).iter_messages(log_time_order=False):
+            found.append(McapMessage(channel.topic, message.log_time, json.loads(message.data)))
+    except (exceptions.EndOfFile, struct.error):
+        return found, True
+    except (exceptions.McapError, ValueError, KeyError) as error:
+        raise UsageError(f"this MCAP file cannot be read: {error}") from None
+    return found, False
+
+
 def parse_mcap(content: bytes) -> Recording:
     """Read a recording. Raises UsageError for a file that is none of servobus, and where the library is missing."""
-    reader, exceptions = (library(f"mcap.{module}", "mcap", NEEDS) for module in ("reader", "exceptions"))
-    messages = reader.NonSeekingReader(io.BytesIO(content)).iter_messages(log_time_order=False)
-    lines: list[Line] = []
-    header, began, cut = None, 0, False
-    try:
-        for _, channel, message in messages:
-            data = json.loads(message.data)
-            if channel.topic == "/header":
-                header, began = header_of(data), message.log_time
-            elif header is not None:
-                lines += _lines((message.log_time - began) / 1e9, channel.topic, data)
-    except exceptions.EndOfFile:
-        cut = True
-    except (exceptions.McapError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UsageError(f"this MCAP file is no recording of servobus: {error}") from None
-    if header is None:
+    messages, cut = mcap_messages(content)
+    first = next((message for message in messages if message.topic == "/header"), None)
+    if first is None:
         raise UsageError("this MCAP file is no recording of the traffic on a bus: it has no topic /header")
+    try:
+        header = header_of(first.data)
+        lines = [line for one in messages for line in _lines((one.time - first.time) / 1e9, one.topic, one.data)]
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(f"this MCAP file is no recording of servobus: {error}") from None
     return Recording(header, tuple(lines), cut)
 
 

@@ -35,12 +35,13 @@ def play(entries: Iterable[Entry], port: Transport) -> Iterator[Played]:
     Bytes of unknown direction count as received. Raises PortError.
     """
     steps = list(_steps(entries))
-    began = port.now() - (steps[0].time if steps else 0.0)
+    began = port.now()
     for n, step in enumerate(steps):
         _wait(port, began + step.time)
         if step.baud is not None:
             port.set_baud(step.baud)
             continue
+        port.discard()  # what came since the answer to the last request ended belongs to none
         port.write(step.request)
         until = steps[n + 1].time if n + 1 < len(steps) else step.end
         yield Played(step.time, step.request, step.recorded, _listen(port, began + until))

@@ -1,7 +1,9 @@
 """Recordings as MCAP: the same as a recording as text, whatever was recorded, and wherever the file was cut off."""
 
+import errno
 import io
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -122,14 +124,34 @@ def test_mcap_of_another_program_is_refused(tmp_path: Path) -> None:
         parse_mcap((tmp_path / "other.mcap").read_bytes())
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-def test_a_full_disk_ends_the_recording_and_nothing_else(tmp_path: Path) -> None:
+class FullDisk(io.BytesIO):
+    """A file on a disk with room for so many bytes."""
+
+    def __init__(self, room: int) -> None:
+        super().__init__()
+        self.room = room
+
+    def write(self, data: Any) -> int:
+        if self.tell() + len(data) > self.room:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return super().write(data)
+
+    def close(self) -> None:
+        """Keep what was written, to be looked at."""
+
+
+@pytest.mark.parametrize("room", [2_000, 20_000])
+def test_a_full_disk_ends_the_recording_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, room: int
+) -> None:
+    disk = FullDisk(room)
+    monkeypatch.setattr(Path, "open", lambda *_: disk)
     told: list[ServobusError] = []
-    file = McapRecording(tmp_path / "a.mcap", HEADER, told.append)
-    file._file.close()
-    file._file = Path("/dev/full").open("wb")  # noqa: SIM115
-    file._writer._Writer__stream = file._file
-    for n in range(3):
-        file.write(Note(n, "alarm", {}))
-    assert len(told) <= 1
-    assert file.failure is None or "can be read up to there" in str(file.failure)
+    with McapRecording(tmp_path / "a.mcap", HEADER, told.append) as file:
+        for n in range(1_000):
+            file.write(Note(n / 100, "alarm", {"id": n}))
+    assert [str(one) for one in told] == [str(file.failure)]
+    assert "No space left" in str(file.failure)
+    kept = parse_mcap(disk.getvalue()).lines
+    assert len(kept) > 3
+    assert [line.data["id"] for line in kept if isinstance(line, Note)] == list(range(len(kept)))
