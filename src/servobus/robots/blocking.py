@@ -19,7 +19,7 @@ from servobus.core.registers import Register
 from servobus.families.record import SafeAction
 from servobus.robots.base import BaseRobot, JointSet, JointVerbs
 from servobus.robots.file.entries import JointEntry, RobotFile
-from servobus.robots.joints.joint import Part, parts_of
+from servobus.robots.joints.joint import Part
 from servobus.robots.joints.move import JointMove
 from servobus.robots.ports import BlockingPorts
 from servobus.robots.steps import RobotJob
@@ -128,34 +128,21 @@ class RobotJoints(Blocking, JointSet[RobotJoint]):
     @contextmanager
     def torque(self) -> Iterator[Self]:
         """Torque on for these joints inside the `with`, off again on the way out; see `Bus.torque`."""
-        self._check_pairs()
+        if self._has_pairs:
+            self.positions()  # raises Disagreement where two servos on one axis would fight each other
         with ExitStack() as stack:
-            for port, bus in self._ports.buses.items():
-                servos = [part.servo for joint in self for part in joint.parts if part.port == port]
-                if servos:
-                    stack.enter_context(bus.torque(servos))  # type: ignore[arg-type] # they are that bus's own
+            for port, servos in self._servos().items():
+                stack.enter_context(self._ports.buses[port].torque(servos))
             yield self
-
-    def _check_pairs(self) -> None:
-        """Raise Disagreement where two servos on one axis would fight each other."""
-        if any(len(joint.parts) > 1 for joint in self):
-            self.positions()
 
 
 class Robot(RobotJoints, BaseRobot[RobotJoint, Bus]):
     """A robot on its ports; see `servobus.robot`. May be shared between threads."""
 
     def __init__(self, file: RobotFile, buses: Mapping[str, Bus]) -> None:
-        ports = BlockingPorts(buses)
-        self._ports = ports
+        ports = self._ports = BlockingPorts(buses)
         self._stack = ExitStack()
-        joints = {entry.name: RobotJoint(ports, entry, parts_of(entry, buses)) for entry in file.joints.values()}
-        BaseRobot.__init__(self, file, ports, joints)
-        self.groups = {
-            name: RobotJoints(ports, {joint: joints[joint] for joint in members})
-            for name, members in file.groups.items()
-        }
-        self._close()
+        BaseRobot.__init__(self, file, ports, RobotJoint, RobotJoints)
 
     def __enter__(self) -> Self:
         for bus in self.buses.values():
@@ -214,11 +201,6 @@ class Robot(RobotJoints, BaseRobot[RobotJoint, Bus]):
 
         path = None if keep is None else Path(fspath(keep))
         return BlockingTeach(self, self._ports, self.named(*joints), rate, path, named=bool(joints))
-
-    def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> None:
-        """Guard streamed motion on all ports; see `Bus.watch`."""
-        for bus in self.buses.values():
-            bus.watch(timeout, action)
 
     def make_safe(self, action: SafeAction | None = None, *, interrupt: bool = False) -> None:
         """Run the safe action, or this one, of each joint that this robot has switched on or set in motion."""

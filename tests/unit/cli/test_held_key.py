@@ -3,7 +3,7 @@
 from servobus.cli.held_key import HeldKey
 
 
-def test_a_keycounts_as_held_while_a_terminal_repeats_it() -> None:
+def test_a_key_counts_as_held_while_a_terminal_repeats_it() -> None:
     key = HeldKey()
     assert not key.held(0.0)
     key.pressed(0.0)

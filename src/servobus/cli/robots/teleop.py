@@ -18,7 +18,8 @@ from servobus.core.units import parse, show
 from servobus.errors import BadValue, UsageError
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_file
-from servobus.robots.teleop import GATE, RATE, Lead, Teleop, TeleopTick
+from servobus.robots.motions.leading import Lead
+from servobus.robots.teleop import GATE, RATE, Teleop, TeleopTick
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

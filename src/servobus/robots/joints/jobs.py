@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 from servobus.bus import several
 from servobus.bus.by_servo import Readings
 from servobus.bus.servo import Servo
-from servobus.core.exchange import Job, Procedure, SetBaud
+from servobus.core.exchange import Procedure, SetBaud
 from servobus.core.units import show
 from servobus.core.values import frozen
 from servobus.errors import BusError, Disagreement, MotionError, ServobusError, StopFailed
@@ -60,8 +60,8 @@ class JointState:
         return f"{show(self.position, 'rad')}, {show(self.voltage, 'V')}, {show(self.temperature, 'degC')}, {torque}"
 
 
-def on_each_port(joints: Iterable[Joint], job: Callable[[list[Part]], Job[T]]) -> dict[str, Job[T]]:
-    """Make a job for each port, of the servos of these joints that are on it."""
+def on_each_port(joints: Iterable[Joint], job: Callable[[list[Part]], T]) -> dict[str, T]:
+    """Make a job, or whatever else, for each port, of the servos of these joints that are on it."""
     parts: dict[str, list[Part]] = {}
     for joint in joints:
         for part in joint.parts:

@@ -19,17 +19,17 @@ from servobus.core.values import frozen
 from servobus.robots.joints.cycle import RobotResult
 from servobus.robots.joints.joint import Joint
 from servobus.robots.motions.stream import Streamed
-from servobus.robots.motions.turns import AsyncTurns, BlockingTurns
+from servobus.robots.motions.turns import AsyncTurns, BlockingTurns, Seen
 from servobus.robots.ports import Ports
 from servobus.robots.steps import RobotJob
 from servobus.robots.trajectory.follower import BrakingFollower, Follower
 from servobus.robots.trajectory.limits import JointLimits
 from servobus.robots.trajectory.path import State
-from servobus.robots.values import ByJoint, named_angles
+from servobus.robots.values import named_angles
 
 
 @frozen
-class FollowTick:
+class FollowTick(Seen):
     """One turn.
 
     goals    joint -> what was sent in this turn, rad: a point on the way to where it was told to go
@@ -40,11 +40,6 @@ class FollowTick:
     goals: Mapping[str, float]
     result: RobotResult
     settled: bool
-
-    @property
-    def positions(self) -> ByJoint[float]:
-        """Joint -> angle, rad; `lost` has the joints that did not answer."""
-        return self.result.positions
 
 
 class Follow(Streamed[FollowTick]):

@@ -23,14 +23,13 @@ from servobus.robots.joints.cycle import RobotResult
 from servobus.robots.joints.joint import Joint
 from servobus.robots.motions.motion import Motion, check_known
 from servobus.robots.motions.stream import Streamed
-from servobus.robots.motions.turns import AsyncTurns, BlockingTurns
+from servobus.robots.motions.turns import AsyncTurns, BlockingTurns, Seen
 from servobus.robots.ports import Ports
 from servobus.robots.steps import RobotJob
 from servobus.robots.trajectory.limits import JointLimits
 from servobus.robots.trajectory.path import Trajectory
 from servobus.robots.trajectory.playback import Playback
 from servobus.robots.trajectory.profile import synchronised
-from servobus.robots.values import ByJoint
 
 RATE = 100.0
 """Goals a second, if nothing else is said. More bring 2 to 3 ms less lag with the servos here."""
@@ -39,7 +38,7 @@ APPROACH = 45 * deg
 
 
 @frozen
-class PlayTick:
+class PlayTick(Seen):
     """One turn of a motion under way.
 
     time       s of the motion's own time; negative on the way to its first pose
@@ -50,11 +49,6 @@ class PlayTick:
     time: float
     goals: Mapping[str, float]
     result: RobotResult
-
-    @property
-    def positions(self) -> ByJoint[float]:
-        """Joint -> angle, rad; `lost` has the joints that did not answer."""
-        return self.result.positions
 
 
 class Play(Streamed[PlayTick]):

@@ -22,9 +22,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from servobus.core.extras import library
 from servobus.core.units import deg, finite
 from servobus.core.values import frozen
 from servobus.errors import UsageError
+from servobus.traffic.mcap_recording import mcap_messages
 
 TIME, GOAL = "time", "goal."
 """Heading of the first column, and beginning of the headings of goals; no name of a joint has a dot."""
@@ -105,11 +107,11 @@ class McapRecorder(Recorder):
     """A recording as MCAP: one channel of JSON, whose schema says what stands in it."""
 
     def __init__(self, path: Path, joints: Sequence[str], goals: Sequence[str] = ()) -> None:
-        library = _mcap("writer")
+        writer = library("mcap.writer", "mcap", "recordings in CSV need nothing, those in MCAP need")
         self._path = path
         self._file = _new(path)
         # Without chunks each message is in the file at once, and can be read although the end of the file is missing.
-        self._writer = library.Writer(self._file, use_chunking=False)
+        self._writer = writer.Writer(self._file, use_chunking=False)
         self._writer.start(library="servobus")
         schema = self._writer.register_schema(
             "servobus.Joints", "jsonschema", json.dumps(_schema(joints, goals)).encode()
@@ -167,15 +169,6 @@ def _cannot_write(path: Path, error: OSError) -> UsageError:
     return UsageError(f"{path}: cannot be written: {error.strerror or error}")
 
 
-def _mcap(module: str) -> Any:
-    try:
-        import importlib  # noqa: PLC0415 - only who records MCAP needs it
-
-        return importlib.import_module(f"mcap.{module}")
-    except ImportError:
-        raise UsageError('recordings in MCAP need its library: pip install "servobus[mcap]"; CSV needs none') from None
-
-
 # Reading
 
 
@@ -225,19 +218,15 @@ def _csv_moments(path: Path, data: bytes) -> Iterator[Moment]:
 
 
 def _mcap_moments(path: Path, data: bytes) -> Iterator[Moment]:
-    import io  # noqa: PLC0415 - only who reads MCAP needs it
-
-    reader, exceptions = _mcap("reader"), _mcap("exceptions")
-    messages = reader.NonSeekingReader(io.BytesIO(data)).iter_messages(topics=[TOPIC], log_time_order=False)
     try:
-        for _, _, message in messages:
-            entry = json.loads(message.data)
+        for message in mcap_messages(data)[0]:
+            if message.topic != TOPIC:
+                continue
+            entry = message.data
             if finite(entry[TIME]) is None:
                 raise UsageError(f"{path}: {entry[TIME]!r} is no time")
             yield Moment(float(entry[TIME]), _angles(path, entry["positions"]), _angles(path, entry["goals"]))
-    except exceptions.EndOfFile:
-        return  # it was broken off
-    except (exceptions.McapError, ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise UsageError(f"{path}: this is no recording of servobus: {error}") from None
 
 

@@ -31,9 +31,7 @@ UNBOUND = 0
 
 def check_torque(joints: Sequence[Joint]) -> RobotJob[None]:
     """Raise TorqueOff, with the names of all joints whose torque is off; and what came instead of an answer."""
-    states = yield from jobs.look(joints)
-    for name in [joint.name for joint in joints]:
-        states[name]  # raises what came instead of an answer
+    states = (yield from jobs.look(joints)).complete()
     limp = [name for name, state in states.items() if not state.torque]
     if limp:
         raise TorqueOff(f"{', '.join(limp)}: torque is off, so nothing would move; switch it on first")

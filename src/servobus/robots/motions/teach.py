@@ -28,10 +28,9 @@ from servobus.robots.joints.joint import Joint
 from servobus.robots.motions.motion import Motion, limits_of
 from servobus.robots.motions.recording import Moment, Recorder, recorder
 from servobus.robots.motions.thinning import TOLERANCE, Kept, kept
-from servobus.robots.motions.turns import AsyncTurns, BlockingTurns, Turns
+from servobus.robots.motions.turns import AsyncTurns, BlockingTurns, Seen, Turns
 from servobus.robots.ports import Ports
 from servobus.robots.steps import RobotJob
-from servobus.robots.values import ByJoint
 
 RATE = 50.0
 """Readings a second, if nothing else is said."""
@@ -42,16 +41,11 @@ STEP_SPEED, STEP_TIME = 45 * deg, 0.5
 
 
 @frozen
-class TeachTick:
+class TeachTick(Seen):
     """One turn: `time` is s since the first reading."""
 
     time: float
     result: RobotResult
-
-    @property
-    def positions(self) -> ByJoint[float]:
-        """Joint -> angle, rad; `lost` has the joints that did not answer."""
-        return self.result.positions
 
 
 class Teach(Turns[TeachTick]):

@@ -14,13 +14,27 @@ from servobus.bus.rate import Rate
 from servobus.core.arguments import check_above_0
 from servobus.core.operation import Awaiting, Blocking, Priority, bus_method
 from servobus.errors import BadValue
+from servobus.robots.joints.cycle import RobotResult
 from servobus.robots.steps import RobotJob
+from servobus.robots.values import ByJoint
 
 T = TypeVar("T")
 K = TypeVar("K")
 """What is told of a turn."""
 FASTEST = 1000.0
 """Turns a second at most."""
+
+
+class Seen:
+    """A turn in which joints were read: `result` has what was read, by joint."""
+
+    __slots__ = ()
+    result: RobotResult
+
+    @property
+    def positions(self) -> ByJoint[float]:
+        """Joint -> angle, rad; `lost` has the joints that did not answer."""
+        return self.result.positions
 
 
 class Turns(Generic[K]):
