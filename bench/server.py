@@ -76,11 +76,11 @@ def _compare(responder: str, driver: str, reads: int, rounds: int) -> None:
         medians: list[list[float]] = [[], []]
         taken: list[list[float]] = [[], []]
         for _ in range(rounds):
-            for client, own, all_good in zip(clients, medians, taken, strict=True):
+            for n, client in enumerate(clients):
                 client.say(str(each))
                 good = [seconds for seconds in map(float, client.hear().split()[1:]) if math.isfinite(seconds)]
-                own.append(statistics.median(good))
-                all_good += good
+                medians[n].append(statistics.median(good))
+                taken[n] += good
     added = statistics.median(shared - alone for alone, shared in zip(*medians, strict=True))
     print(f"{driver}: read present_position, {DELAY} µs from request to reply; {each * rounds} reads each")
     for name, times in zip(("on the port", "through the server"), taken, strict=True):
