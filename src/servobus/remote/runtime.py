@@ -105,7 +105,7 @@ def servers() -> Iterator[Server]:
         return
     for path in paths:
         if not _is_dead(path):
-            with suppress(OSError, ValueError, KeyError, TypeError):
+            with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):  # what is no such file
                 yield _read(json.loads(path.read_text(encoding="utf-8")))
 
 

@@ -1,5 +1,6 @@
 """The process that owns the ports, spoken to in lines: who is let in, what is refused, and who has the line."""
 
+import asyncio
 import socket
 import time
 from collections.abc import Iterator
@@ -44,7 +45,7 @@ class Client:
         self._file = self._socket.makefile("rb")
         self.n = 0
         if hello.pop("greets", True):
-            given = {"token": TOKEN, "name": "test", "client": "program", "deadman": 0.0} | hello
+            given: dict[str, Any] = {"token": TOKEN, "name": "test", "client": "program", "deadman": 0.0} | hello
             self.say(Hello(**given))
             self.welcome = self.hear()
 
@@ -76,7 +77,7 @@ class Client:
         """Ask for a step, and give its number."""
         self.n += 1
         step = sent(step) if isinstance(step, Exchange) else step
-        given = {"bus": "arm", "priority": int(Priority.READ), "time": 0.0} | other
+        given: dict[str, Any] = {"bus": "arm", "priority": int(Priority.READ), "time": 0.0} | other
         self.say(SentRequest(n=self.n, baud=baud, hold=hold, step=step, **given))
         return self.n
 
@@ -218,20 +219,27 @@ def test_too_many_connections_are_refused(monkeypatch: pytest.MonkeyPatch) -> No
         assert first.outcome() == PONG
 
 
-def test_a_client_that_reads_nothing_is_closed_and_others_go_on(
-    hosted: Hosted, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(service, "MOST_UNREAD", 1000)
-    monkeypatch.setattr(service, "MOST_RATE", 10**9)
-    with Client(hosted) as deaf, Client(hosted) as other:
-        connections = hosted.service.connections
-        beats = encode(Beat(0.0)) * 5000
-        end = time.monotonic() + PATIENCE
-        while len(connections) > 1 and time.monotonic() < end:
-            deaf.send(beats)
-            time.sleep(0.01)
-        assert len(connections) == 1
-        assert other.outcome() == PONG
+class Full(asyncio.Transport):
+    """A connection whose other end reads nothing."""
+
+    aborted = False
+
+    def get_write_buffer_size(self) -> int:
+        return service.MOST_UNREAD + 1
+
+    def abort(self) -> None:
+        self.aborted = True
+
+
+def test_a_client_that_reads_nothing_is_closed() -> None:
+    async def main() -> None:
+        connection, full = service.Connection(service.Service({}, {})), Full()
+        connection.connection_made(full)
+        assert connection.crowded
+        connection.tell(Beaten(0.0, 0.0))
+        assert full.aborted
+
+    asyncio.run(main())
 
 
 # Signs of life
