@@ -1,0 +1,1 @@
+"""One process owns the ports and shares them; another serves pages and an API, and may die."""
