@@ -19,7 +19,7 @@ from servobus import deg
 from servobus.bus.rate import Tick
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_text
-from servobus.robots.motion import Motion
+from servobus.robots.motions.motion import Motion
 
 BAUD = 1_000_000
 SLICE = 1.0

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from servobus.robots.motion import read_samples
+from servobus.robots.motions.motion import read_samples
 
 PAGE = Path(__file__).parents[1] / "docs" / "wave.md"
 SERVOBUS = [sys.executable, "-m", "servobus"]

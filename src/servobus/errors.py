@@ -22,6 +22,7 @@
     │   ├── LineBusy                  bytes keep coming although nothing was asked
     │   ├── BadReading (ValueError)   a register reads as what it cannot hold, or as a code without meaning
     │   └── Refused                   the servo understood and said no
+    ├── Held                          another program or person holds the servo: it can be read, not commanded
     ├── RobotMismatch                 the servos of a robot are not what its file says
     └── MotionError                   motion was refused, ended before its goal, or may go on
         ├── TorqueOff                 a move was asked of a servo without torque
@@ -168,6 +169,14 @@ class Refused(BusError):
     def __init__(self, message: str, flags: int = 0) -> None:
         super().__init__(message)
         self.flags = flags
+
+
+class Held(ServobusError):
+    """Another program or person holds the servo on a port that several share. Nothing was sent; `by` is its name."""
+
+    def __init__(self, message: str, by: str = "") -> None:
+        super().__init__(message)
+        self.by = by
 
 
 class RobotMismatch(ServobusError):

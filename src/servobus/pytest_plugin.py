@@ -19,7 +19,7 @@ import pytest
 if TYPE_CHECKING:
     from servobus.bus.blocking import Bus
     from servobus.robots.blocking import Robot
-    from servobus.robots.served import ServedRobot
+    from servobus.robots.virtual.serving import ServedRobot
     from servobus.virtual.serve.background import ServedPort
     from servobus.virtual.wire.faults import Faults
 
@@ -94,7 +94,7 @@ def served_robot() -> "Iterator[Callable[..., ServedRobot]]":
     it, and `.servos["shoulder"]` the servos of a joint. Keywords are `tcp=True` and the options of a virtual port.
     """
     from servobus.robots.file.reading import read_file  # noqa: PLC0415
-    from servobus.robots.served import serve_robot  # noqa: PLC0415
+    from servobus.robots.virtual.serving import serve_robot  # noqa: PLC0415
 
     with ExitStack() as stack:
 

@@ -13,7 +13,8 @@ import servobus
 from servobus import ServobusError, deg
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_text
-from servobus.robots.teleop import Phase, Teleop
+from servobus.robots.motions.leading import Phase
+from servobus.robots.teleop import Teleop
 from servobus.virtual.physics.motor import Load
 from unit.robots.played_arm import goals_in, port_of, servos_of, shaft_angles
 

@@ -16,7 +16,7 @@ from servobus.robots.file.reading import read_text
 from servobus.robots.file.schema import schema
 from servobus.robots.file.writing import edited, quantity
 from unit.robots.arms import SIX
-from unit.robots.test_schema import FULL
+from unit.robots.file.test_schema import FULL
 
 VALIDATOR: Any = jsonschema.Draft7Validator(schema())
 FILES = [SIX, FULL]

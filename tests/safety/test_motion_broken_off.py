@@ -16,8 +16,8 @@ import pytest
 
 from servobus import deg
 from servobus.robots.file.reading import read_file
-from servobus.robots.motion import motion_of
-from servobus.robots.recording import read_recording
+from servobus.robots.motions.motion import motion_of
+from servobus.robots.motions.recording import read_recording
 from unit.served import PATIENCE, Arm, wait_for
 
 JOINT = """

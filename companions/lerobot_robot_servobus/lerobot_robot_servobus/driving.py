@@ -5,8 +5,8 @@ from typing import Any
 
 from servobus.core.operation import Priority
 from servobus.robots.blocking import Robot
-from servobus.robots.stream import Streamed
-from servobus.robots.supervision import LOST
+from servobus.robots.motions.stream import Streamed
+from servobus.robots.motions.supervision import LOST
 from servobus.robots.trajectory.follower import BrakingFollower
 from servobus.robots.trajectory.path import State
 

@@ -55,6 +55,7 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
     },
     "Virtual servos": {
         "virtual": ("virtual:virtual", "Be servos, on a virtual port."),
+        "replay": ("replay:replay", "Play a recording into virtual servos."),
         "demo": ("demo:demo", "See it all work, without hardware."),
     },
     "Learn": {

@@ -14,9 +14,10 @@ from servobus.errors import UsageError
 from servobus.families import registry
 from servobus.families.base import Family, Model
 from servobus.traffic import pasted
+from servobus.traffic.mcap_recording import McapRecording, is_mcap, parse_mcap
 from servobus.traffic.pasted import Pasted
 from servobus.traffic.present import BYTES_PER_LINE, packet_entries
-from servobus.traffic.recording import Chunk, Direction, is_recording, parse
+from servobus.traffic.recording import Chunk, Direction, Note, Recording, is_recording, parse
 from servobus.traffic.streams import good_bytes
 from servobus.traffic.tracker import Tracker
 
@@ -31,6 +32,7 @@ INDENT = " " * 8
     "servobus decode --family herkulex sniffed.txt",
     "servobus decode --model rx28 saleae.csv",
     "servobus decode arm.rec",
+    "servobus decode arm.rec --mcap arm.mcap",
     "cat /tmp/capture.bin | servobus decode -",
 )
 @click.argument("source", metavar="BYTES...|FILE|-", nargs=-1, required=True)
@@ -38,19 +40,30 @@ INDENT = " " * 8
 @click.option(
     "--model", cls=ModelOption, metavar="MODEL", help="Whose registers; else those of the model that a servo reports."
 )
+@click.option(
+    "--mcap",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Write a recording as MCAP too, for Foxglove and PlotJuggler; needs servobus[mcap].",
+)
 @as_json
-def decode(source: tuple[str, ...], family: str | None, model: str | None, json: bool) -> None:
+def decode(source: tuple[str, ...], family: str | None, model: str | None, mcap: Path | None, json: bool) -> None:
     """Explain bytes packet by packet, with what is broken or junk between them.
 
     Bytes are taken as people have them: hex and decimal dumps, arrays and strings of programs, logs with times and
     labels, exports of Saleae Logic and sigrok, or a file of the bytes themselves. How they were read is said first;
-    what cannot be read is refused. A file that `servobus sniff --save` wrote, and what has times or both directions,
-    is shown as it was live; with --json one object a line.
+    what cannot be read is refused. A recording (of `servobus sniff --save` or `servobus serve`, .rec or .mcap), and
+    what has times or both directions, is shown as it was live; with --json one object a line.
     """
     content, name = _content(source)
-    if is_recording(content):
-        replay(content, name, family, model, json=json)
+    if is_recording(content) or is_mcap(content):
+        recording = read_recording(content, name)
+        if mcap is not None:
+            _write_mcap(recording, mcap)
+        show_recording(recording, name, family, model, json=json)
         return
+    if mcap is not None:
+        raise UsageError(f"--mcap writes recordings, and {name or 'what was typed'} is none")
     known, table = find_family_and_model(family, model)
     given = _read(content, name, source)
     if given.timed or given.directed:
@@ -97,11 +110,18 @@ def _follow(given: Pasted, tracker: Tracker, *, json: bool) -> None:
     print_summary(tracker, json=json, timed=given.timed)
 
 
-def replay(content: bytes, name: str, family: str | None, model: str | None, *, json: bool) -> None:
-    """Show a recording as it was shown live. Raises UsageError for one that cannot be read."""
+def read_recording(content: bytes, name: str) -> Recording:
+    """Read a recording, as text or as MCAP. Raises UsageError for one that cannot be read."""
     try:
-        recording = parse(content)
-        head = recording.header
+        return parse_mcap(content) if is_mcap(content) else parse(content)
+    except UsageError as error:
+        raise UsageError(f"{name}: {error}") from None
+
+
+def show_recording(recording: Recording, name: str, family: str | None, model: str | None, *, json: bool) -> None:
+    """Show a recording as it was shown live. Raises UsageError where family and model make no sense."""
+    head = recording.header
+    try:
         # What is said now counts more than what was said then, as a whole: another family has other models.
         said = (family, model) if family or model else (head.family, head.model)
         whose, table = find_family_and_model(*said)
@@ -110,12 +130,33 @@ def replay(content: bytes, name: str, family: str | None, model: str | None, *, 
     if not json:
         click.echo(f"{head.port} at {head.baud} baud, recorded {head.started}")
     tracker = Tracker(whose, table, head.baud)
-    for entry in recording.entries:
-        print_events(tracker.feed(entry), json=json)
+    for line in recording.lines:
+        if isinstance(line, Note):
+            print_events(tracker.pass_time(line.time), json=json)
+            _print_note(line, json=json)
+        else:
+            print_events(tracker.feed(line), json=json)
     print_events(tracker.finish(), json=json)
     print_summary(tracker, json=json)
     if recording.cut:
         note(f"{name}: the last line was cut off and is left out")
+
+
+def _print_note(line: Note, *, json: bool) -> None:
+    if json:
+        click.echo(compact({"kind": line.kind, "time": line.time, **line.data}))
+        return
+    text = f"{line.time:10.6f}   {line.kind}: {compact(line.data)}"
+    click.echo(click.wrap_text(text, 80, "", " " * 13))
+
+
+def _write_mcap(recording: Recording, path: Path) -> None:
+    with McapRecording(path, recording.header) as file:
+        for line in recording.lines:
+            file.write(line)
+    if file.failure is not None:
+        raise file.failure
+    note(f"{path}: {len(recording.lines)} entries written as MCAP")
 
 
 def find_family_and_model(family: str | None, model: str | None) -> tuple[Family | None, type[Model] | None]:

@@ -17,8 +17,9 @@ from servobus.cli.robots.under_way import drawn, joint_table
 from servobus.core.units import deg, show
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_file
-from servobus.robots.served import ServedRobot, serve_robot
-from servobus.robots.teleop import Phase, Teleop, TeleopTick
+from servobus.robots.motions.leading import Phase
+from servobus.robots.teleop import Teleop, TeleopTick
+from servobus.robots.virtual.serving import ServedRobot, serve_robot
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

@@ -17,8 +17,8 @@ from servobus.errors import PortError
 from servobus.robots.axis import Axis
 from servobus.robots.file.entries import RobotFile
 from servobus.robots.file.reading import read_file
-from servobus.robots.served import serve_robot
-from servobus.robots.virtual import VirtualRobot
+from servobus.robots.virtual.building import VirtualRobot
+from servobus.robots.virtual.serving import serve_robot
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.serve.rig import Rig
 

@@ -20,20 +20,20 @@ from servobus.core.operation import Awaiting, Priority
 from servobus.core.registers import Register
 from servobus.errors import ServobusError, UsageError
 from servobus.families.record import SafeAction
-from servobus.robots.attendance import refuse
 from servobus.robots.base import BaseRobot, JointSet, JointVerbs
 from servobus.robots.file.entries import JointEntry, RobotFile
-from servobus.robots.joint import Part, parts_of
-from servobus.robots.move import JointMove
+from servobus.robots.joints.attendance import refuse
+from servobus.robots.joints.joint import Part
+from servobus.robots.joints.move import JointMove
 from servobus.robots.ports import Ports
 from servobus.robots.steps import RobotJob, Together
 
 if TYPE_CHECKING:
-    from servobus.robots.cycle import AsyncRobotCycle
-    from servobus.robots.follow import AsyncFollow
-    from servobus.robots.motion import Motion
-    from servobus.robots.play import AsyncPlay
-    from servobus.robots.teach import AsyncTeach
+    from servobus.robots.joints.cycle import AsyncRobotCycle
+    from servobus.robots.motions.follow import AsyncFollow
+    from servobus.robots.motions.motion import Motion
+    from servobus.robots.motions.play import AsyncPlay
+    from servobus.robots.motions.teach import AsyncTeach
     from servobus.robots.trajectory.path import Trajectory
 
 T = TypeVar("T")
@@ -180,20 +180,18 @@ class AsyncRobotJoints(Awaiting, JointSet[AsyncRobotJoint]):
         time: float = 0.0,
     ) -> "AsyncRobotCycle":
         """Prepare a control cycle; nothing is sent. See `Robot.cycle`."""
-        from servobus.robots.cycle import AsyncRobotCycle  # noqa: PLC0415 - only control loops need it
+        from servobus.robots.joints.cycle import AsyncRobotCycle  # noqa: PLC0415 - only control loops need it
 
         return AsyncRobotCycle(self, self._ports, list(self), read, time)
 
     @asynccontextmanager
     async def torque(self) -> AsyncIterator[Self]:
         """Torque on for these joints inside the `async with`, off again on the way out; see `Bus.torque`."""
-        if any(len(joint.parts) > 1 for joint in self):
+        if self._has_pairs:
             await self.positions()  # raises Disagreement where two servos on one axis would fight each other
         async with AsyncExitStack() as stack:
-            for port, bus in self._ports.buses.items():
-                servos = [part.servo for joint in self for part in joint.parts if part.port == port]
-                if servos:
-                    await stack.enter_async_context(bus.torque(servos))  # type: ignore[arg-type] # that bus's own
+            for port, servos in self._servos().items():
+                await stack.enter_async_context(self._ports.buses[port].torque(servos))
             yield self
 
 
@@ -204,19 +202,13 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
         ports = self._ports = AsyncPorts(buses)
         self._incomplete = incomplete
         self._stack = AsyncExitStack()
-        joints = {entry.name: AsyncRobotJoint(ports, entry, parts_of(entry, buses)) for entry in file.joints.values()}
-        BaseRobot.__init__(self, file, ports, joints)
-        self.groups = {
-            name: AsyncRobotJoints(ports, {joint: joints[joint] for joint in members})
-            for name, members in file.groups.items()
-        }
-        self._close()
+        BaseRobot.__init__(self, file, ports, AsyncRobotJoint, AsyncRobotJoints)
 
     async def __aenter__(self) -> Self:
         async with AsyncExitStack() as stack:
             for bus in self.buses.values():
                 await stack.enter_async_context(bus)
-            refuse(await self.check(strangers=False), incomplete=self._incomplete)
+            refuse(await self.check(strangers="near"), incomplete=self._incomplete)
             self._stack = stack.pop_all()
         return self
 
@@ -233,48 +225,23 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
     def play(
         self, motion: "str | Motion | Trajectory", *, rate: float = 100.0, loop: bool | None = None
     ) -> "AsyncPlay":
-        """Prepare a motion: a name of the robot file, a `Motion`, or a `Trajectory`. Nothing is sent yet.
-
-        rate   goals a second, 1 to 1000
-        loop   whether it begins again where it ends; as the file says by default
-
-        Raises UnknownName, and BadValue where a joint would leave its limits. Limits of speed, acceleration and jerk
-        stretch the time of the motion where it is too quick; `duration` of what is given tells the time.
-        """
-        from servobus.robots.play import AsyncPlay  # noqa: PLC0415 - not every program plays motions
+        """Prepare a motion; nothing is sent yet. See `Robot.play`."""
+        from servobus.robots.motions.play import AsyncPlay  # noqa: PLC0415 - not every program plays motions
 
         return AsyncPlay(self, self._ports, list(self), self.motion(motion), rate, loop=loop)
 
     def follow(self, *joints: str, rate: float = 100.0, jerk: float | None = None) -> "AsyncFollow":
-        """Prepare joints, by default all, to be given new goals while they move; see servobus.robots.follow.
-
-        rate  goals a second, 1 to 1000
-        jerk  rad/s³, the limit for joints of which the file says none: with it jerk is limited, which needs ruckig
-
-        Nothing is sent yet. Raises UnknownName for a joint that is not there, UsageError where ruckig is not installed.
-        """
-        from servobus.robots.follow import AsyncFollow  # noqa: PLC0415 - not every program gives goals in flight
+        """Prepare joints to be given new goals while they move; nothing is sent yet. See `Robot.follow`."""
+        from servobus.robots.motions.follow import AsyncFollow  # noqa: PLC0415 - not every program gives goals in flight
 
         return AsyncFollow(self, self._ports, self.named(*joints), rate, jerk)
 
     def teach(self, *joints: str, rate: float = 50.0, keep: str | PathLike[str] | None = None) -> "AsyncTeach":
-        """Prepare a recording of joints that are moved by hand; see servobus.robots.teach. Nothing is sent yet.
-
-        joints  those that go limp as it begins: hold them. If none is named, those are recorded that are limp already
-        rate    readings a second, 1 to 1000
-        keep    a file, .csv or .mcap, that each reading is written to as it comes
-
-        Raises UnknownName for a joint that is not there.
-        """
-        from servobus.robots.teach import AsyncTeach  # noqa: PLC0415 - not every program teaches
+        """Prepare a recording of joints that are moved by hand; nothing is sent yet. See `Robot.teach`."""
+        from servobus.robots.motions.teach import AsyncTeach  # noqa: PLC0415 - not every program teaches
 
         path = None if keep is None else Path(fspath(keep))
         return AsyncTeach(self, self._ports, self.named(*joints), rate, path, named=bool(joints))
-
-    def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> None:
-        """Guard streamed motion on all ports; see `Bus.watch`."""
-        for bus in self.buses.values():
-            bus.watch(timeout, action)
 
     async def make_safe(self, action: SafeAction | None = None, *, interrupt: bool = False) -> None:
         """Run the safe action, or this one, of each joint that this robot has switched on or set in motion."""

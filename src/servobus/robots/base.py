@@ -1,6 +1,6 @@
 """What the blocking and the asynchronous robot share: joints, groups of them, and what one asks of them together."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from servobus.bus.base import BaseBus
@@ -9,22 +9,25 @@ from servobus.core.operation import Priority, bus_method, urgent
 from servobus.core.registers import Register, register_name
 from servobus.errors import UnknownName, UsageError
 from servobus.families.base import StopOutcome
-from servobus.robots import applying, attendance, jobs, move, settings
-from servobus.robots.applying import Applied
-from servobus.robots.attendance import Attendance
-from servobus.robots.backups import Backups
-from servobus.robots.file.entries import RobotFile
-from servobus.robots.jobs import JointState
-from servobus.robots.joint import Joint
-from servobus.robots.move import JointMove
+from servobus.families.record import SafeAction
+from servobus.jobs.scan import Watcher
+from servobus.robots.file.entries import JointEntry, RobotFile
+from servobus.robots.joints import attendance, jobs, move
+from servobus.robots.joints.attendance import Attendance, Sought
+from servobus.robots.joints.jobs import JointState
+from servobus.robots.joints.joint import Joint, Part, parts_of
+from servobus.robots.joints.move import JointMove
+from servobus.robots.joints.protection import Protections
 from servobus.robots.ports import Ports
-from servobus.robots.protection import Protections
-from servobus.robots.settings import Plan, limits_alone
+from servobus.robots.settings import applying, planning, swaps
+from servobus.robots.settings.applying import Applied
+from servobus.robots.settings.backups import Backups
+from servobus.robots.settings.planning import Plan, limits_alone
 from servobus.robots.steps import RobotJob
 from servobus.robots.values import ByJoint, named_angles
 
 if TYPE_CHECKING:
-    from servobus.robots.motion import Motion
+    from servobus.robots.motions.motion import Motion
     from servobus.robots.trajectory.path import Trajectory
     from servobus.safety.overload import Level
 
@@ -107,6 +110,14 @@ class JointSet(Closed, Generic[J]):
         """
         wanted = {self[name].name for name in names} or set(self.joints)
         return [joint for name, joint in self.joints.items() if name in wanted]
+
+    def _servos(self) -> dict[str, list[Any]]:
+        """Sort the servos of these joints by port: port -> servos, which are those of its bus."""
+        return jobs.on_each_port(self, lambda parts: [part.servo for part in parts])
+
+    @property
+    def _has_pairs(self) -> bool:
+        return any(len(joint.parts) > 1 for joint in self)
 
     # What one can ask of all
 
@@ -201,13 +212,25 @@ class BaseRobot(JointSet[J], Generic[J, B]):
     groups  name -> the joints of a group
     """
 
-    def __init__(self, file: RobotFile, ports: Ports[B], joints: Mapping[str, J]) -> None:
-        super().__init__(joints)
+    def __init__(
+        self,
+        file: RobotFile,
+        ports: Ports[B],
+        joint: Callable[[Any, JointEntry, tuple[Part, ...]], J],
+        group: Callable[[Any, Mapping[str, J]], JointSet[J]],
+    ) -> None:
+        """Make the joints and groups that the file names: `joint` and `group` are their classes for this driver."""
+        JointSet.__init__(
+            self, {entry.name: joint(ports, entry, parts_of(entry, ports.buses)) for entry in file.joints.values()}
+        )
         self.file, self.ports = file, ports
-        self.groups: dict[str, JointSet[J]] = {}
+        self.groups = {
+            name: group(ports, {member: self[member] for member in members}) for name, members in file.groups.items()
+        }
         self.attendance = Attendance(file.name, ())
         """What was found when it was last compared with its file."""
         self._protections = Protections(list(self))
+        self._close()
 
     @property
     def buses(self) -> dict[str, B]:
@@ -232,21 +255,25 @@ class BaseRobot(JointSet[J], Generic[J, B]):
         if motion not in self.file.motions:
             known = ", ".join(self.file.motions) or "none"
             raise UnknownName(f"{self.file.name}: no motion {motion!r}; there are {known}")
-        from servobus.robots.motion import motion_of  # noqa: PLC0415 - not every program plays motions
+        from servobus.robots.motions.motion import motion_of  # noqa: PLC0415 - not every program plays motions
 
         return motion_of(self.file, motion)
 
     @bus_method
     @urgent(Priority.SCAN)
-    def check(self, *, strangers: bool = True) -> RobotJob[Attendance]:
+    def check(self, *, strangers: Sought = "file", watch: Watcher | None = None) -> RobotJob[Attendance]:
         """Compare who answers with the file: missing, strangers, wrong models, swapped ones. Moves nothing.
 
-        Strangers are looked for at the speeds of the servos in the file; that takes longest. Without `strangers` only
-        those are found that have the id of a new servo.
+        strangers  "near": at the ids and speeds at which most strangers are, as opening looks for them; "file": at
+                   every id, at the speeds of the servos in the file; "everywhere": at every id, family and speed
+        watch      is told of each id at which strangers were looked for, and may be called from several threads
+
+        Servos of one model that have changed places are told where the file asks for different settings of them
+        (`registers`, `limits_in_servo`) that `apply_settings` has written.
         """
-        found = yield from attendance.check(self.file, self.buses, list(self), strangers=strangers)
-        self.attendance = found
-        return found
+        found = yield from attendance.check(self.file, self.buses, list(self), strangers=strangers, watch=watch)
+        self.attendance = yield from swaps.added(found, list(self))
+        return self.attendance
 
     # Protection
 
@@ -259,6 +286,11 @@ class BaseRobot(JointSet[J], Generic[J, B]):
         too far apart: then it raises Disagreement. Joints that do not answer are in `lost` of what is given.
         """
         return self._protections.look()
+
+    def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> None:
+        """Guard streamed motion on all ports; see `Bus.watch`."""
+        for bus in self.buses.values():
+            bus.watch(timeout, action)
 
     # Settings of the servos
 
@@ -320,14 +352,15 @@ class BaseRobot(JointSet[J], Generic[J, B]):
         """
         joints = limits_alone(list(self))
         made = (yield from self._plan(joints)) if plan is None else plan
-        yield from settings.check_inside(made, joints)
+        yield from planning.check_inside(made, joints)
         return (yield from applying.apply(made, joints, Backups(self.file), torque_off=torque_off))
 
     def _plan(self, joints: Sequence[Joint] | None = None) -> RobotJob[Plan]:
         joints = list(self) if joints is None else joints
-        found = yield from attendance.check(self.file, self.buses, list(self), strangers=False)
-        self.attendance = found
-        return (yield from settings.plan(self.file.name, joints, found.unusable(joints)))
+        found = yield from attendance.check(self.file, self.buses, list(self), strangers="near")
+        # A plan brings swapped settings in order too, so it is made although servos may have changed places.
+        self.attendance = yield from swaps.added(found, list(self))
+        return (yield from planning.plan(self.file.name, joints, found.unusable(joints)))
 
     def __getattr__(self, name: str) -> Any:
         if not name.startswith("_"):

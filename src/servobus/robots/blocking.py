@@ -19,17 +19,17 @@ from servobus.core.registers import Register
 from servobus.families.record import SafeAction
 from servobus.robots.base import BaseRobot, JointSet, JointVerbs
 from servobus.robots.file.entries import JointEntry, RobotFile
-from servobus.robots.joint import Part, parts_of
-from servobus.robots.move import JointMove
+from servobus.robots.joints.joint import Part
+from servobus.robots.joints.move import JointMove
 from servobus.robots.ports import BlockingPorts
 from servobus.robots.steps import RobotJob
 
 if TYPE_CHECKING:
-    from servobus.robots.cycle import BlockingRobotCycle
-    from servobus.robots.follow import BlockingFollow
-    from servobus.robots.motion import Motion
-    from servobus.robots.play import BlockingPlay
-    from servobus.robots.teach import BlockingTeach
+    from servobus.robots.joints.cycle import BlockingRobotCycle
+    from servobus.robots.motions.follow import BlockingFollow
+    from servobus.robots.motions.motion import Motion
+    from servobus.robots.motions.play import BlockingPlay
+    from servobus.robots.motions.teach import BlockingTeach
     from servobus.robots.trajectory.path import Trajectory
 
 T = TypeVar("T")
@@ -121,41 +121,28 @@ class RobotJoints(Blocking, JointSet[RobotJoint]):
 
         `read` are registers that all have, `time` the s a goal is given where the family has such a time.
         """
-        from servobus.robots.cycle import BlockingRobotCycle  # noqa: PLC0415 - only control loops need it
+        from servobus.robots.joints.cycle import BlockingRobotCycle  # noqa: PLC0415 - only control loops need it
 
         return BlockingRobotCycle(self, self._ports, list(self), read, time)
 
     @contextmanager
     def torque(self) -> Iterator[Self]:
         """Torque on for these joints inside the `with`, off again on the way out; see `Bus.torque`."""
-        self._check_pairs()
+        if self._has_pairs:
+            self.positions()  # raises Disagreement where two servos on one axis would fight each other
         with ExitStack() as stack:
-            for port, bus in self._ports.buses.items():
-                servos = [part.servo for joint in self for part in joint.parts if part.port == port]
-                if servos:
-                    stack.enter_context(bus.torque(servos))  # type: ignore[arg-type] # they are that bus's own
+            for port, servos in self._servos().items():
+                stack.enter_context(self._ports.buses[port].torque(servos))
             yield self
-
-    def _check_pairs(self) -> None:
-        """Raise Disagreement where two servos on one axis would fight each other."""
-        if any(len(joint.parts) > 1 for joint in self):
-            self.positions()
 
 
 class Robot(RobotJoints, BaseRobot[RobotJoint, Bus]):
     """A robot on its ports; see `servobus.robot`. May be shared between threads."""
 
     def __init__(self, file: RobotFile, buses: Mapping[str, Bus]) -> None:
-        ports = BlockingPorts(buses)
-        self._ports = ports
+        ports = self._ports = BlockingPorts(buses)
         self._stack = ExitStack()
-        joints = {entry.name: RobotJoint(ports, entry, parts_of(entry, buses)) for entry in file.joints.values()}
-        BaseRobot.__init__(self, file, ports, joints)
-        self.groups = {
-            name: RobotJoints(ports, {joint: joints[joint] for joint in members})
-            for name, members in file.groups.items()
-        }
-        self._close()
+        BaseRobot.__init__(self, file, ports, RobotJoint, RobotJoints)
 
     def __enter__(self) -> Self:
         for bus in self.buses.values():
@@ -185,24 +172,24 @@ class Robot(RobotJoints, BaseRobot[RobotJoint, Bus]):
         Raises UnknownName, and BadValue where a joint would leave its limits. Limits of speed, acceleration and jerk
         stretch the time of the motion where it is too quick; `duration` of what is given tells the time.
         """
-        from servobus.robots.play import BlockingPlay  # noqa: PLC0415 - not every program plays motions
+        from servobus.robots.motions.play import BlockingPlay  # noqa: PLC0415 - not every program plays motions
 
         return BlockingPlay(self, self._ports, list(self), self.motion(motion), rate, loop=loop)
 
     def follow(self, *joints: str, rate: float = 100.0, jerk: float | None = None) -> "BlockingFollow":
-        """Prepare joints, by default all, to be given new goals while they move; see servobus.robots.follow.
+        """Prepare joints, by default all, to be given new goals while they move; see servobus.robots.motions.follow.
 
         rate  goals a second, 1 to 1000
         jerk  rad/s³, the limit for joints of which the file says none: with it jerk is limited, which needs ruckig
 
         Nothing is sent yet. Raises UnknownName for a joint that is not there, UsageError where ruckig is not installed.
         """
-        from servobus.robots.follow import BlockingFollow  # noqa: PLC0415 - not every program gives goals in flight
+        from servobus.robots.motions.follow import BlockingFollow  # noqa: PLC0415 - not every program gives goals in flight
 
         return BlockingFollow(self, self._ports, self.named(*joints), rate, jerk)
 
     def teach(self, *joints: str, rate: float = 50.0, keep: str | PathLike[str] | None = None) -> "BlockingTeach":
-        """Prepare a recording of joints that are moved by hand; see servobus.robots.teach. Nothing is sent yet.
+        """Prepare a recording of joints that are moved by hand; see servobus.robots.motions.teach. Nothing is sent yet.
 
         joints  those that go limp as it begins: hold them. If none is named, those are recorded that are limp already
         rate    readings a second, 1 to 1000
@@ -210,15 +197,10 @@ class Robot(RobotJoints, BaseRobot[RobotJoint, Bus]):
 
         Raises UnknownName for a joint that is not there.
         """
-        from servobus.robots.teach import BlockingTeach  # noqa: PLC0415 - not every program teaches
+        from servobus.robots.motions.teach import BlockingTeach  # noqa: PLC0415 - not every program teaches
 
         path = None if keep is None else Path(fspath(keep))
         return BlockingTeach(self, self._ports, self.named(*joints), rate, path, named=bool(joints))
-
-    def watch(self, timeout: float = 0.25, action: SafeAction | None = None) -> None:
-        """Guard streamed motion on all ports; see `Bus.watch`."""
-        for bus in self.buses.values():
-            bus.watch(timeout, action)
 
     def make_safe(self, action: SafeAction | None = None, *, interrupt: bool = False) -> None:
         """Run the safe action, or this one, of each joint that this robot has switched on or set in motion."""

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, TypeVar
 from servobus.bus.blocking import Bus
 from servobus.connect import transport
 from servobus.errors import PortError, RobotFileError
-from servobus.robots.attendance import refuse
 from servobus.robots.base import check_safe
 from servobus.robots.blocking import Robot
 from servobus.robots.file.entries import OPEN_PORT, RobotFile
 from servobus.robots.file.reading import read_file
+from servobus.robots.joints.attendance import refuse
 from servobus.transports import usb_adapter
 from servobus.transports.base import Transport
 
@@ -42,7 +42,7 @@ def robot(file: str | PathLike[str] | RobotFile, *, incomplete: bool = False) ->
         opened = Robot(contents, _opened(contents, stack, Bus))
         stack.callback(opened.close)
         check_safe(opened)
-        refuse(opened.check(strangers=False), incomplete=incomplete)
+        refuse(opened.check(strangers="near"), incomplete=incomplete)
         stack.pop_all()
     return opened
 
@@ -78,7 +78,7 @@ def _opened(file: RobotFile, stack: ExitStack, make: Callable[..., B]) -> dict[s
     """Open all ports of the file, port -> bus; the stack closes them."""
     transports: Mapping[str, Transport] = {}
     if file.virtual is not None:
-        from servobus.robots.virtual import virtual_ports  # noqa: PLC0415 - real robots need no virtual servos
+        from servobus.robots.virtual.building import virtual_ports  # noqa: PLC0415 - real robots need no virtual servos
 
         transports = virtual_ports(file)
     buses = {}

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 from servobus.core.units import finite, said
 from servobus.errors import BadValue, ServobusError, UnknownName
@@ -34,6 +34,12 @@ class ByJoint(Mapping[str, V], Generic[V]):
 
     def __len__(self) -> int:
         return len(self._values)
+
+    def complete(self) -> Self:
+        """Give these values if those of all joints could be read. Raises what came instead of the first one else."""
+        for error in self.lost.values():
+            raise error
+        return self
 
     def __repr__(self) -> str:
         lost = f", lost: {', '.join(self.lost)}" if self.lost else ""

@@ -5,6 +5,7 @@
     0.002314 < FF FF 01 04 00 00 02 F8          bytes from the servos
     0.512000 - FF FF 01 02 01 FB                bytes that were heard; from where is not known
     1.204310 = 1000000                          from here on the speed is another
+    1.310000 ! {"kind": "alarm", "id": 1, ...}   a note: what else happened, or was read, as JSON
     9.730125 .                                  the end: up to here the line was watched
 
 Times are seconds since the beginning. A line without a line end was cut off when the power or the program went; it
@@ -13,16 +14,32 @@ is left out. No port, no clock. The values of the lines are those that a tap tel
 
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeAlias
 
 from servobus.errors import ServobusError, UsageError
 from servobus.transports.tap import DIGITS, Chunk, Direction, Entry, Speed, TapEnd
 
 MAGIC = "# servobus recording "
 FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What else happened, or was read, at a time in s: an event, values of servos, who asked. `data` is JSON."""
+
+    time: float
+    kind: str
+    data: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "time", round(self.time, DIGITS))
+
+
+Line: TypeAlias = Entry | Note
+"""What one line of a recording says."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +62,13 @@ class Recording:
     """A recording that was read back; `cut` tells whether its last line was cut off."""
 
     header: Header
-    entries: tuple[Entry, ...]
+    lines: tuple[Line, ...]
     cut: bool = False
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """What the line carried, without notes."""
+        return tuple(line for line in self.lines if not isinstance(line, Note))
 
 
 class RecordingFile:
@@ -73,7 +95,7 @@ class RecordingFile:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def write(self, entry: Entry) -> None:
+    def write(self, entry: Line) -> None:
         """Append an entry."""
         self._write(line(entry))
 
@@ -93,13 +115,15 @@ class RecordingFile:
             self._on_failure(self.failure)
 
 
-def line(entry: Entry) -> str:
+def line(entry: Line) -> str:
     """Give the line of an entry, with its end."""
     match entry:
         case Chunk():
             said = f"{entry.direction} {entry.data.hex(' ').upper()}"
         case Speed():
             said = f"= {entry.baud}"
+        case Note():
+            said = f"! {json.dumps({'kind': entry.kind, **entry.data})}"
         case TapEnd():
             said = "."
     return f"{entry.time:.{DIGITS}f} {said}\n"
@@ -126,13 +150,17 @@ def _header(text: str) -> Header:
     if number != str(FORMAT):
         raise UsageError(f"recording format {number!r} is not known here, only {FORMAT}; a newer servobus wrote it?")
     try:
-        said = json.loads(fields)
-        header = Header(**{name: said[name] for name in Header.__dataclass_fields__ if name in said})
+        return header_of(json.loads(fields))
     except (ValueError, TypeError) as error:
-        raise UsageError(f"line 1 is no head of a recording: {fields[:60]!r}") from error
+        raise UsageError(f"line 1 is no head of a recording: {fields[:60]!r}: {error}") from error
+
+
+def header_of(said: Mapping[str, Any]) -> Header:
+    """Make the header of what a file says. Raises ValueError or TypeError for what is none."""
+    header = Header(**{name: said[name] for name in Header.__dataclass_fields__ if name in said})
     for name in Header.__dataclass_fields__:
         if not _is_right(name, value := getattr(header, name)):
-            raise UsageError(f"line 1 is no head of a recording: {name} is {value!r}")
+            raise ValueError(f"{name} is {value!r}")
     return header
 
 
@@ -142,13 +170,13 @@ def _is_right(name: str, value: Any) -> bool:
     return isinstance(value, str) or (value is None and name in ("family", "model"))
 
 
-def _entries(lines: Iterable[str]) -> Iterator[Entry]:
+def _entries(lines: Iterable[str]) -> Iterator[Line]:
     last = 0.0
     for number, text in enumerate(lines, 2):
         try:
             time, _, said = text.rstrip("\r").partition(" ")
             entry = _entry(float(time), *said.partition(" ")[::2])
-        except (ValueError, OverflowError) as error:
+        except (ValueError, OverflowError, KeyError, AttributeError, TypeError) as error:
             raise UsageError(f"line {number} is no line of a recording: {text[:60]!r}") from error
         if not last <= entry.time:
             raise UsageError(f"line {number}: {entry.time:.{DIGITS}f} s is before the line above it")
@@ -156,18 +184,21 @@ def _entries(lines: Iterable[str]) -> Iterator[Entry]:
         yield entry
 
 
-def _entry(time: float, mark: str, what: str) -> Entry:
+def _entry(time: float, mark: str, what: str) -> Line:
     if not math.isfinite(time):
         raise ValueError("no time")
     if mark == "." and not what:
         return TapEnd(time)
+    if mark == "!":
+        data = json.loads(what)
+        return Note(time, str(data.pop("kind")), data)
     if mark == "=":
         if (baud := int(what)) <= 0:
             raise ValueError("no speed")
         return Speed(time, baud)
-    if not (data := bytes.fromhex(what)):
+    if not (carried := bytes.fromhex(what)):
         raise ValueError("no bytes")
-    return Chunk(time, Direction(mark), data)
+    return Chunk(time, Direction(mark), carried)
 
 
 __all__ = [
@@ -178,10 +209,13 @@ __all__ = [
     "Direction",
     "Entry",
     "Header",
+    "Line",
+    "Note",
     "Recording",
     "RecordingFile",
     "Speed",
     "TapEnd",
+    "header_of",
     "is_recording",
     "line",
     "parse",

@@ -10,8 +10,8 @@ import pytest
 from servobus import deg
 from servobus.cli.keys import Keys
 from servobus.robots.file.reading import read_file
-from servobus.robots.motion import motion_of
-from servobus.robots.recording import CsvRecorder, Moment, read_recording
+from servobus.robots.motions.motion import motion_of
+from servobus.robots.motions.recording import CsvRecorder, Moment, read_recording
 from unit.cli.conftest import Run
 from unit.cli.test_complete import offered
 from unit.robots.test_teleop import FOLLOWER, LEADER

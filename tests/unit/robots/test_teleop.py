@@ -11,7 +11,8 @@ from servobus import MotionError, Stopped, UsageError, deg
 from servobus.errors import UnknownName
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_text
-from servobus.robots.teleop import AsyncTeleop, Lead, Phase, Teleop, TeleopTick
+from servobus.robots.motions.leading import Lead, Phase
+from servobus.robots.teleop import AsyncTeleop, Teleop, TeleopTick
 from servobus.virtual.physics.motor import Load
 from unit.robots.played_arm import port_of, servos_of
 

@@ -13,12 +13,12 @@ from servobus.cli.output import note
 from servobus.cli.robots.settings import file_argument
 from servobus.core.values import replace
 from servobus.jobs.backup import Backup
-from servobus.robots import adopting
-from servobus.robots.adopting import Vacancy
-from servobus.robots.backups import Backups
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_file
 from servobus.robots.opening import port_path
+from servobus.robots.settings import adopting
+from servobus.robots.settings.adopting import Vacancy
+from servobus.robots.settings.backups import Backups
 
 
 @verb(
@@ -81,7 +81,7 @@ def _saved(backups: Backups, vacancy: Vacancy, file: str | None) -> tuple[Backup
 
 def _check(opened: Robot) -> None:
     """Compare all servos with the file, now that the new one is in its place."""
-    found = opened.check(strangers=False)
+    found = opened.check(strangers="near")
     click.echo(str(found))
     if found.grave:
         raise click.exceptions.Exit(1)

@@ -9,28 +9,28 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from servobus import ServobusError, robot
+from servobus.cli.held_key import HeldKey
 from servobus.cli.interrupts import signals_as_interrupt
 from servobus.cli.keys import SPACE
 from servobus.cli.options import verb
 from servobus.cli.output import note
 from servobus.cli.robots.person import ENTER, AtTerminal, Person, Script, angle_text
 from servobus.cli.robots.settings import file_argument
+from servobus.cli.robots.undo import bring_back
 from servobus.cli.values import ANGLE, split_assignment
 from servobus.core.exchange import Procedure, SetBaud
 from servobus.core.registers import Register
 from servobus.core.units import deg, parse, show
 from servobus.errors import RobotFileError, RobotMismatch
-from servobus.robots import jobs
-from servobus.robots.applying import on
 from servobus.robots.blocking import Robot, RobotJoint
-from servobus.robots.calibration import Calibration
+from servobus.robots.calibration.flow import Calibration
+from servobus.robots.calibration.joint import MARGIN, Key, Step, key_of
 from servobus.robots.file.entries import RobotFile
 from servobus.robots.file.reading import read_file, read_text
 from servobus.robots.file.writing import edited, save
-from servobus.robots.file.writing import undo as undo_file
-from servobus.robots.held_key import HeldKey
-from servobus.robots.joint import Part
-from servobus.robots.joint_calibration import MARGIN, Key, Step, key_of
+from servobus.robots.joints import jobs
+from servobus.robots.joints.joint import Part
+from servobus.robots.settings.applying import on
 from servobus.robots.values import check_joint
 
 if TYPE_CHECKING:
@@ -80,8 +80,7 @@ def calibrate(
     answer, r begins the joint anew, a takes another angle for the known pose, Ctrl-C ends it all.
     """
     if undo:
-        made = undo_file(file)
-        click.echo(f"{file}: brought back; its joints are {', '.join(made.joints)}")
+        bring_back(file)
         return
     contents = read_file(file)
     for name in joints:

@@ -23,7 +23,7 @@ from servobus.cli.robots.under_way import (
 )
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_file
-from servobus.robots.play import RATE, BlockingPlay, PlayTick
+from servobus.robots.motions.play import RATE, BlockingPlay, PlayTick
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

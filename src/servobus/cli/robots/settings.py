@@ -7,10 +7,10 @@ from servobus.cli.interrupts import signals_as_interrupt, unless_nobody_answers
 from servobus.cli.options import verb
 from servobus.cli.output import note, print_json
 from servobus.errors import BusError, NotRestored, PortError
-from servobus.robots.backups import Backups
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_file
-from servobus.robots.settings import Plan
+from servobus.robots.settings.backups import Backups
+from servobus.robots.settings.planning import Plan
 
 file_argument = click.argument("file", type=click.Path())
 torque_off_option = click.option("--torque-off", is_flag=True, help="Switch the torque off first, where it is on.")

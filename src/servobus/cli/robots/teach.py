@@ -20,11 +20,11 @@ from servobus.errors import ServobusError, UsageError
 from servobus.robots.blocking import Robot
 from servobus.robots.file.entries import RobotFile
 from servobus.robots.file.reading import read_file
-from servobus.robots.joint import Joint
-from servobus.robots.keeping import check_free, free_path, keep_samples, keep_steps
-from servobus.robots.recording import Moment, read_recording, recorder
-from servobus.robots.teach import RATE, BlockingTeach, TeachTick, motion_of_poses
-from servobus.robots.thinning import TOLERANCE, kept
+from servobus.robots.joints.joint import Joint
+from servobus.robots.motions.keeping import check_free, free_path, keep_samples, keep_steps
+from servobus.robots.motions.recording import Moment, read_recording, recorder
+from servobus.robots.motions.teach import RATE, BlockingTeach, TeachTick, motion_of_poses
+from servobus.robots.motions.thinning import TOLERANCE, kept
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

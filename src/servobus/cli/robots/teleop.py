@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from servobus import robot
+from servobus.cli.held_key import HeldKey
 from servobus.cli.interrupts import signals_as_interrupt
 from servobus.cli.keys import SPACE, Keys
 from servobus.cli.options import as_json, verb
@@ -17,8 +18,8 @@ from servobus.core.units import parse, show
 from servobus.errors import BadValue, UsageError
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_file
-from servobus.robots.held_key import HeldKey
-from servobus.robots.teleop import GATE, RATE, Lead, Teleop, TeleopTick
+from servobus.robots.motions.leading import Lead
+from servobus.robots.teleop import GATE, RATE, Teleop, TeleopTick
 
 if TYPE_CHECKING:
     from rich.console import RenderableType

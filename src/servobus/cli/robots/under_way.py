@@ -10,8 +10,8 @@ from servobus.cli.output import console, note
 from servobus.core.units import show, shown
 from servobus.errors import ServobusError
 from servobus.robots.blocking import Robot, RobotJoint
-from servobus.robots.motion import Motion
-from servobus.robots.recording import CSV, MCAP, Moment, recorder
+from servobus.robots.motions.motion import Motion
+from servobus.robots.motions.recording import CSV, MCAP, Moment, recorder
 from servobus.robots.values import ByJoint
 
 if TYPE_CHECKING:
@@ -119,8 +119,8 @@ def motion_named(robot: Robot, name: str) -> Motion:
 
 def motion_of_recording(robot: Robot, path: Path) -> Motion:
     """Make a motion of a recording, and tell what was lost in it."""
-    from servobus.robots.recording import read_recording  # noqa: PLC0415 - rarely wanted
-    from servobus.robots.thinning import kept  # noqa: PLC0415
+    from servobus.robots.motions.recording import read_recording  # noqa: PLC0415 - rarely wanted
+    from servobus.robots.motions.thinning import kept  # noqa: PLC0415
 
     moments = read_recording(path)
     names = {name for moment in moments for name in moment.positions}

@@ -1,8 +1,9 @@
 """The verbs of Dynamixel protocol 1.0. Packets and their sources: servobus.families.dynamixel.protocol."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
+from servobus.core.effect import Effect
 from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.ids import check_id
@@ -417,6 +418,9 @@ class Dynamixel1(Family):
 
     def told_number(self, packet: Packet, request: Packet) -> int | None:
         return listening.told_number(packet, request)
+
+    def effect(self, packet: Packet, model_of: Callable[[int], type[Model] | None]) -> Effect:
+        return listening.effect(packet, model_of)
 
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
         return listening.replies_to(packet)

@@ -17,7 +17,7 @@ from servobus.robots.file.kinds import shown
 from servobus.robots.file.writing import Key
 from servobus.robots.formats.base import Changes, Given, json_of, json_or_none, listed
 from servobus.robots.formats.motions import check_angle, motion_name, none_known
-from servobus.robots.motion import Motion, samples_text
+from servobus.robots.motions.motion import Motion, samples_text
 
 
 def known(data: bytes) -> bool:

@@ -14,7 +14,7 @@ from servobus.robots.file.reading import read_file, read_text
 from servobus.robots.file.writing import edited
 from servobus.robots.formats import d6a, move
 from servobus.robots.formats.base import Given
-from servobus.robots.motion import motion_of
+from servobus.robots.motions.motion import motion_of
 from unit.robots.arms import SIX
 
 

@@ -1,0 +1,1 @@
+"""The robot of a file on virtual servos, in this program or behind ports for others."""
