@@ -8,7 +8,7 @@ from servobus.bus.servo import Servo
 from servobus.errors import RobotFileError, UsageError
 from servobus.robots.asyncio import AsyncRobot
 from servobus.robots.file.reading import read_file
-from servobus.robots.settings import Plan
+from servobus.robots.settings.planning import Plan
 from servobus.server.web.audit import Audit
 from servobus.server.web.feeds import Events
 from servobus.server.web.served_bus import Actor, ServedBus
