@@ -1,5 +1,7 @@
 """A port whose answers are written down beforehand, on a clock that only waiting advances."""
 
+from servobus.bus.blocking import Bus
+from servobus.link.link import Link
 from servobus.transports.base import Transport
 
 
@@ -52,3 +54,9 @@ class Scripted(Transport):
 
     def sleep(self, seconds: float) -> None:
         self._now += seconds
+
+
+def own_link(bus: Bus) -> Link:
+    """Give the link of a bus that has its port itself."""
+    assert isinstance(bus.link, Link)
+    return bus.link

@@ -28,7 +28,7 @@ from servobus.errors import PortError, UsageError
 from servobus.families.base import KnownServo
 from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
-from servobus.link.link import NOT_FAST, Link
+from servobus.link.base import NOT_FAST, BaseLink
 from servobus.link.ownership import Turn, turn_for
 from servobus.link.waits import Receive, Waits
 from servobus.safety.safe_stop import crashed
@@ -198,26 +198,30 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         try:
             if not line.try_acquire(turn):
                 await line.acquire_async(turn)
-            link = self.link
-            if baud is not None and baud != self.transport.baud:
-                await self._wait(link, link.set_baud(baud), turn)
-            if type(job) is not Exchange:
-                return await self._wait(link, link.run(job), turn)
-            if not (window := link.try_fast_send(job)):
-                return await self._wait(link, link.transact(job), turn)
-            try:
-                heard = await self._reader.read(window)
-            except BaseException:
-                link.abandon()
-                raise
-            if link.superseded:
-                link.check()
-            result = link.try_fast_receive(job, heard)
-            if result is NOT_FAST:
-                return await self._wait(link, link.transact(job, heard), turn)
-            return result  # type: ignore[return-value] # it is a T, as it is not NOT_FAST
+            return await self.do_in_turn(turn, job, baud)
         finally:
             line.end(turn)
+
+    async def do_in_turn(self, turn: Turn, job: Job[T], baud: int | None = None) -> T:
+        """Carry out a job with a turn that has the line, and keeps it; see `do`."""
+        link = self.link
+        if baud is not None and baud != self.transport.baud:
+            await self._wait(link, link.set_baud(baud), turn)
+        if type(job) is not Exchange:
+            return await self._wait(link, link.run(job), turn)
+        if not (window := link.try_fast_send(job)):
+            return await self._wait(link, link.transact(job), turn)
+        try:
+            heard = await self._reader.read(window)
+        except BaseException:
+            link.abandon()
+            raise
+        if link.superseded:
+            link.check()
+        result = link.try_fast_receive(job, heard)
+        if result is NOT_FAST:
+            return await self._wait(link, link.transact(job, heard), turn)
+        return result  # type: ignore[return-value] # it is a T, as it is not NOT_FAST
 
     def move(self, goals: Mapping[Any, float], *, time: float | None = None, speed: float | None = None) -> AsyncMove:
         """Move several servos, servo or id -> angle in rad, that start together and arrive together; see `Bus.move`."""
@@ -274,7 +278,7 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         """Give how long a stop waits for what it has interrupted: not at all in the loop, which it would hold up."""
         return 0.0 if running_loop() is not None else super()._firm()
 
-    async def _wait(self, link: Link, waits: Waits[T], turn: Turn) -> T:
+    async def _wait(self, link: BaseLink, waits: Waits[T], turn: Turn) -> T:
         """Wait as asked until the job is done; as `run_blocking`, without holding the event loop."""
         heard = b""
         try:

@@ -41,6 +41,7 @@ from servobus.jobs.scan import (
     scan,
 )
 from servobus.jobs.torque import torque_on
+from servobus.link.base import BaseLink
 from servobus.link.link import Link
 from servobus.link.ownership import LineOwnership, Turn, turn_for
 from servobus.link.stats import Stats
@@ -437,7 +438,7 @@ class BaseBus(Closed, Generic[S]):
         return transport
 
     @contextmanager
-    def _take_over(self, interrupt: bool) -> Iterator[tuple[Link, LineOwnership, Turn]]:
+    def _take_over(self, interrupt: bool) -> Iterator[tuple[BaseLink, LineOwnership, Turn]]:
         """Have the line for a stop: wait for what uses it, then make that fail, then go ahead all the same."""
         turn = turn_for(Priority.STOP)
 
@@ -460,7 +461,18 @@ class BaseBus(Closed, Generic[S]):
         if self.safety.closed:
             raise UsageError(f"{self.transport.name} is closed; open it anew, or call reopen() first")
 
-    def _new_link(self, stats: Stats | None = None) -> Link:
+    def _new_link(self, stats: Stats | None = None) -> BaseLink:
+        if self.transport.remote:
+            from servobus.remote.link import remote_link  # noqa: PLC0415 - most ports belong to this process
+
+            return remote_link(
+                self.transport,
+                heard=self._heard,
+                alarmed=self._servos.alarmed,
+                stats=stats,
+                priority=self.line.priority,
+                contended=lambda: self.line.contended,
+            )
         return Link(
             self._port,
             echo=self._echo,

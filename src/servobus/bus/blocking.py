@@ -22,8 +22,8 @@ from servobus.core.registers import Register
 from servobus.families.base import KnownServo
 from servobus.families.record import SafeAction
 from servobus.jobs.move import PlannedMove
+from servobus.link.base import NOT_FAST
 from servobus.link.blocking import run_blocking
-from servobus.link.link import NOT_FAST
 from servobus.link.ownership import Turn, turn_for
 from servobus.safety.safe_stop import crashed
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, TypeVar
 
 from servobus.core.effect import Effect, Kind, Touch
-from servobus.core.exchange import Exchange, Now, Pause, Procedure, ReplyPattern
+from servobus.core.exchange import Exchange, GroupExchange, Now, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import check_id
 from servobus.core.registers import Area, Register
@@ -117,6 +117,11 @@ class Family(ABC):
     `is_turning`."""
     holds_outside_limits: ClassVar[bool] = False
     """Whether a servo whose torque comes on outside its limits holds where it is, and does not run to them."""
+
+    @property
+    def joins(self) -> Callable[[Sequence[Exchange[Any]]], GroupExchange[Any]] | None:
+        """What makes one request of the first of several reads, where servos answer such; see `Exchange.joins`."""
+        return None
 
     def check_model(self, model: type[Model]) -> None:  # noqa: B027 - most families ask no more of a table
         """Raise TypeError for a table that the verbs of this family cannot use, when its class is made."""

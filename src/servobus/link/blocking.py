@@ -6,7 +6,7 @@
 from typing import TypeVar
 
 from servobus.errors import PortError
-from servobus.link.link import Link
+from servobus.link.base import BaseLink
 from servobus.link.ownership import LineOwnership, Turn
 from servobus.link.waits import Receive, Waits
 from servobus.transports.base import Transport
@@ -17,7 +17,7 @@ SLICE = 0.05
 """s after which a pause looks whether the line was taken over: a stop must not wait for the end of a long pause."""
 
 
-def run_blocking(link: Link, waits: Waits[T], line: LineOwnership, turn: Turn) -> T:
+def run_blocking(link: BaseLink, waits: Waits[T], line: LineOwnership, turn: Turn) -> T:
     """Wait as asked until the job is done; give its result.
 
     In shared pauses the turn gives way. Raises Stopped if the line was taken over meanwhile.
@@ -48,7 +48,7 @@ def run_blocking(link: Link, waits: Waits[T], line: LineOwnership, turn: Turn) -
         waits.close()
 
 
-def _rest(link: Link, transport: Transport, seconds: float) -> None:
+def _rest(link: BaseLink, transport: Transport, seconds: float) -> None:
     if not transport.blocking():
         transport.sleep(seconds)
         return

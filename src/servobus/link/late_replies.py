@@ -12,7 +12,7 @@ its horizon: each reply that is lost then costs that much. Where none was, a los
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
-from servobus.core.exchange import Exchange, ReplyPattern, ack_only
+from servobus.core.exchange import Exchange, ReplyPattern, ack_only, ack_packet
 from servobus.core.framing import Framing, Packet
 from servobus.core.values import frozen, replace
 
@@ -192,7 +192,7 @@ class LateReplies:
     def _like(self, exchange: Exchange[Any], reply: ReplyPattern) -> list[MissedReply]:
         if not self._missed:
             return []
-        same = exchange.request if exchange.interpret is ack_only else None
+        same = exchange.request if exchange.interpret in (ack_only, ack_packet) else None
         return [
             old for old in self._of(exchange.framing, reply.id) if reply.could_be(old.reply) and old.request != same
         ]

@@ -44,13 +44,12 @@ and the old one sends nothing more. That is a flag of its own, so that no change
 from collections.abc import Callable, Collection, Sequence
 from enum import Enum
 from time import monotonic
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 from servobus.core.exchange import (
     Batch,
     Exchange,
     GroupExchange,
-    Job,
     LateAnswers,
     Now,
     Pause,
@@ -62,8 +61,9 @@ from servobus.core.exchange import (
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.replies import ReplyCollector
-from servobus.errors import BrokenEcho, BusError, LineBusy, ServobusError, Stopped
+from servobus.errors import BrokenEcho, BusError, LineBusy
 from servobus.link.asking import Asking
+from servobus.link.base import NOT_FAST, BaseLink
 from servobus.link.fence import fenced
 from servobus.link.line_clock import LineClock, Timing
 from servobus.link.overheard import Overheard
@@ -77,8 +77,6 @@ T = TypeVar("T")
 
 GAP = 0.005
 """s of silence after which what was heard is over."""
-NOT_FAST: Final = object()
-"""What `try_fast_receive` gives where a longer look is needed."""
 
 
 class LinkState(Enum):
@@ -93,7 +91,7 @@ class LinkState(Enum):
 IDLE, CAREFUL, WAITING, UNSURE = LinkState.IDLE, LinkState.CAREFUL, LinkState.WAITING, LinkState.UNSURE
 
 
-class Link:
+class Link(BaseLink):
     """A port in use: its speed, its echo, its delays, and what may still be under way on it.
 
     heard    is told of a reply with alarm bits, and of every reply as long as `alarmed` is not empty
@@ -152,34 +150,7 @@ class Link:
         """What happened on this line, in numbers."""
         return self.log.stats
 
-    # Whole jobs
-
-    def run(self, job: Job[T]) -> Waits[T]:
-        """Carry out a job, at the speed in use now; each SetBaud step changes it for the rest of the job.
-
-        What else uses the line meanwhile, in a shared pause or in a callback of the job, may leave it at another speed.
-        """
-        if isinstance(job, Exchange):
-            return (yield from self.transact(job))
-        baud = self.transport.baud
-        try:
-            step = next(job)
-            while True:
-                try:
-                    if isinstance(step, SetBaud):
-                        baud = step.baud
-                    if not isinstance(step, Pause | Now):
-                        yield from self.set_baud(baud)
-                    result = yield from self._step(step)
-                except ServobusError as error:  # a lost port too: what was begun can say how far it came
-                    step = job.throw(error)
-                else:
-                    step = job.send(result)
-        except StopIteration as stop:
-            done: T = stop.value
-            return done
-        finally:
-            job.close()
+    # The steps of jobs
 
     def _step(self, step: Step) -> Waits[Any]:
         if isinstance(step, Exchange):
@@ -216,11 +187,6 @@ class Link:
         self._overheard.forget()
         self._timings.clear()
         self._clock.note_baud()
-
-    def check(self) -> None:
-        """Raise Stopped if a stop has taken the line over."""
-        if self.superseded:
-            raise Stopped("interrupted: the line was needed to make the servos safe")
 
     def supersede(self) -> "Link":
         """Have the exchange under way fail with Stopped, and all later ones; give a link that has the line instead.

@@ -100,6 +100,11 @@ class LineOwnership:
         """The turn that may talk now."""
         return self._holder
 
+    def priority(self) -> Priority:
+        """Tell how urgent the job is that has the line."""
+        holder = self._holder
+        return Priority.READ if holder is None else holder.priority
+
     @property
     def contended(self) -> bool:
         """Whether a turn waits for the line: a long job should give way soon."""

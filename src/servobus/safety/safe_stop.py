@@ -15,8 +15,8 @@ from servobus.errors import PortError, Stopped, UsageError
 from servobus.families.base import LIMP, KnownServo, ServoRef, StopOutcome
 from servobus.families.record import MotionPermit, SafeAction
 from servobus.jobs.make_safe import give_back, make_safe, make_safe_anyhow
+from servobus.link.base import BaseLink
 from servobus.link.blocking import run_blocking
-from servobus.link.link import Link
 from servobus.link.ownership import LineOwnership, Turn
 from servobus.safety import signals
 from servobus.safety.watchdog import Watchdog
@@ -60,7 +60,7 @@ class SafeStop:
         self,
         transport: Transport,
         servos: Callable[[], Sequence[Joint]],
-        take_over: Callable[[bool], AbstractContextManager[tuple[Link, LineOwnership, Turn]]],
+        take_over: Callable[[bool], AbstractContextManager[tuple[BaseLink, LineOwnership, Turn]]],
         safe_action: SafeAction | None,
     ) -> None:
         self._transport, self._servos, self._take_over = transport, servos, take_over

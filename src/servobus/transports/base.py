@@ -23,6 +23,10 @@ class Transport(ABC):
     baud_elsewhere: bool = False
     """Whether the speed on the wire is set by what serves this port (TCP): `set_baud` changes nothing on the wire."""
 
+    remote: bool = False
+    """Whether another process owns the port: then exchanges go there as values, and `write` and `read` carry no bytes
+    of servos."""
+
     @abstractmethod
     def write(self, data: bytes) -> None:
         """Send bytes. Raises PortLost if the port is gone."""

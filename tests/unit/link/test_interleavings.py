@@ -27,6 +27,7 @@ from servobus.link.waits import Receive, Waits
 from servobus.virtual.serve.inprocess import VirtualPort
 from unit.link.test_group import SYNC_READ, sync_read
 from unit.link.test_link import Timed
+from unit.scripted import own_link
 
 IDS = (1, 2, 3)
 BULK_READ = 0x92
@@ -292,7 +293,7 @@ def test_numbered_replies(family: str, job: Any, way: Any, heard: bool, late: fl
 
     def checked(at: int) -> bool:
         port = Numbered(family, late)
-        first = Bus(port, echo=False).link
+        first = own_link(Bus(port, echo=False))
         link = broken_off(first, first.run(job(family)), at, way, heard=heard)
         if link is None:
             return False
@@ -358,7 +359,7 @@ def test_virtual_servos(family: str, way: Any, heard: bool) -> None:
         bus.link.echo = False
         put(port, family, 1)
         port.inject("stall=0.2:40ms,mute=0.1,drop=0.02,junk=0.05:1-9,seed=5")
-        link = broken_off(bus.link, bus.link.run(job()), at, way, heard=heard)
+        link = broken_off(own_link(bus), bus.link.run(job()), at, way, heard=heard)
         if link is None:
             return False
         for number in range(2, 2 + LOOKS):
@@ -399,7 +400,7 @@ def test_numbered_replies_on_the_fast_path(
     def checked(at: int) -> bool:
         port = Telling("dynamixel", late)
         monkeypatch.setattr("servobus.link.link.monotonic", port.now)
-        first = Bus(port, echo=False).link
+        first = own_link(Bus(port, echo=False))
         link = broken_off(first, first.run(job("dynamixel")), at, way, heard=heard)
         if link is None:
             return False
@@ -450,7 +451,7 @@ def test_the_fast_path_dropped_behind_its_write_is_remembered(told: bool) -> Non
     if told:
         bus.link.abandon()
     port.late = 0.0
-    assert asked_until_answered(bus.link, port, question)
+    assert asked_until_answered(own_link(bus), port, question)
     assert bus.stats[1].late >= 1
 
 
@@ -461,9 +462,9 @@ def test_what_is_under_way_when_a_stop_takes_over_is_remembered() -> None:
     bus.do(question)
     port.late = 0.02
     assert bus.link.try_fast_send(question) > 0
-    link = bus.link.supersede()
+    link = own_link(bus).supersede()
     port.late = 0.0
     assert bus.link.try_fast_send(question) == 0.0  # the old one sends nothing any more
     with pytest.raises(Stopped):
-        carry_out(bus.link, bus.link.transact(question))
+        carry_out(own_link(bus), bus.link.transact(question))
     assert asked_until_answered(link, port, question)

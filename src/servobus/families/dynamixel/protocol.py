@@ -349,7 +349,7 @@ def read_data(id: int, address: int, length: int, *, bulk: bool = False) -> Exch
         _alarms,
         LONGEST_DELAY,
         repeatable=True,
-        joins=_joined if bulk else None,
+        joins=joined_reads if bulk else None,
     )
 
 
@@ -369,7 +369,7 @@ def _bulk_read(reads: Sequence[Exchange[bytes]]) -> GroupExchange[bytes]:
     return GroupExchange(what, FRAMING, encode(message), reads)
 
 
-def _joined(reads: Sequence[Exchange[bytes]]) -> GroupExchange[bytes]:
+def joined_reads(reads: Sequence[Exchange[bytes]]) -> GroupExchange[bytes]:
     """Ask in one request what the first of these ask, as many as its packet holds."""
     return _bulk_read(reads[: (RX_BUFFER - FRAMING.overhead - 1) // 3])
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from servobus.core.effect import Effect
-from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern
+from servobus.core.exchange import Exchange, GroupExchange, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.ids import check_id
 from servobus.core.registers import Area, Motion, Register
@@ -20,6 +20,7 @@ from servobus.families.dynamixel.protocol import (
     FRAMING,
     RX_BUFFER,
     Error,
+    joined_reads,
     ping,
     read_data,
     reset,
@@ -61,6 +62,10 @@ class Dynamixel1(Family):
     needs = (
         "alarm_shutdown", "led", "lock", "max_torque", "moving", "moving_speed", "torque_limit",
     )  # fmt: skip
+
+    @property
+    def joins(self) -> Callable[[Sequence[Exchange[Any]]], GroupExchange[Any]]:
+        return joined_reads
 
     def check_model(self, model: type[Model]) -> None:
         """Make sure that a goal and its speed can be sent in one piece, which is how several servos start at once."""
