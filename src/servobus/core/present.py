@@ -37,6 +37,28 @@ def decoded_json(register: Register[Any], value: Any) -> Any:
     return value
 
 
+def si_value(register: Register[Any], raw: int) -> Any:
+    """Give a value for programs, in SI units; else as `json_value`, but a set of flags as a list of names."""
+    if not register.holds(raw):
+        return None
+    scale = register.scale
+    if isinstance(scale, Flags):
+        return scale.show(scale.decode(raw)).split("+") if raw else []
+    if isinstance(scale, Measure):
+        return register.decode(raw)
+    return json_value(register, raw)
+
+
+def si_entry(register: Register[Any], raw: int) -> dict[str, Any]:
+    """Give one value in its SI unit, the raw integer, and the text for people."""
+    return {
+        "value": si_value(register, raw),
+        "unit": register.unit,
+        "raw": raw,
+        "text": value_text(register, raw),
+    }
+
+
 def unit_text(register: Register[Any]) -> str:
     """Give the unit that goes with `json_value`; empty for switches, choices and plain numbers."""
     return shown(0.0, register.unit)[1] if register.unit else ""
@@ -86,6 +108,37 @@ def register_entry(row: Register[Any]) -> dict[str, Any]:
             "default": None if row.default is None else int(row.default),
         },
     }
+
+
+def si_register_entry(row: Register[Any]) -> dict[str, Any]:
+    """Give one row of a table for programs: as `register_entry`, in SI units, with what its values are called."""
+    low, high = row.limits
+    kind, names = _kind(row)
+    return {
+        **register_entry(row),
+        "kind": kind,
+        "names": names,
+        "limits": [si_value(row, low), si_value(row, high)] if row.writable else None,
+        "allowed": [si_value(row, raw) for raw in row.allowed] if row.allowed else None,
+        "default": None if row.default is None else si_value(row, row.default),
+        "default_text": None if row.default is None else value_text(row, row.default),
+        "unit": row.unit,
+        "latched": row.latched,
+        "volatile": row.volatile,
+        "moves": row.motion is not None,
+    }
+
+
+def _kind(row: Register[Any]) -> tuple[str, list[str]]:
+    """Say what kind of values a row has, and give the names of those that have names."""
+    scale = row.scale
+    if isinstance(scale, Choice):
+        return "choice", [scale.show(option) for option in scale.options]
+    if isinstance(scale, Flags):
+        return "flags", [scale.show(flag) for flag in scale.used]
+    if isinstance(scale, Switch):
+        return "switch", []
+    return "quantity" if isinstance(scale, Measure) else "number", []
 
 
 def title_text(row: Register[Any]) -> str:
