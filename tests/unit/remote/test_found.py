@@ -177,7 +177,7 @@ def test_commands_work_over_it(run: Run, load: Callable[..., Any], refused: Call
             1,
             7,
         ]
-        assert "RX-28 id 7" in run("doctor", "servobus:///arm", "--ids", "1-8", "--family", "dynamixel").stdout
+        assert "servos: RX-28 ids 1, 7" in run("doctor", "servobus:///arm", "--ids", "1-8", "--reads", 10).stdout
         assert "a server, which alone sees its bytes" in refused("sniff", "servobus:///arm")
 
 
