@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, ClassVar, TypeVar
 
+from servobus.core.effect import Effect, Kind, Touch
 from servobus.core.exchange import Exchange, GroupExchange, Now, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Framing, Packet
 from servobus.core.ids import check_id
@@ -483,6 +484,15 @@ class Family(ABC):
     def told_number(self, packet: Packet, request: Packet) -> int | None:  # noqa: ARG002 - some families cannot be asked
         """Give the model number that a packet brings as the answer to a request; None if it brings none."""
         return None
+
+    def effect(self, packet: Packet, model_of: Callable[[int], type[Model] | None]) -> Effect:  # noqa: ARG002 - see below
+        """Tell what a request does to the servos that it is for, and which raw values it gives them.
+
+        `model_of` gives the model of a servo by its id: the generic one if no more is known, and for the broadcast id;
+        None if no table tells what its registers are. Where there is doubt, a request drives. So every request of a
+        family that says nothing of this counts as motion.
+        """
+        return Effect(tuple(Touch(id, Kind.DRIVES) for id in self.concerns(packet)))
 
     @abstractmethod
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:

@@ -1,6 +1,7 @@
 """Packets in words: who is spoken to, which registers the bytes at an address are, and what they say."""
 
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 from typing import Any
 
 from servobus.core.ids import BROADCAST
@@ -64,7 +65,7 @@ def pieces(
     The register is None for bytes that are none, or not the whole of one. `space` is the map that the addresses are in,
     as `Place.locations` names it.
     """
-    rows = {row.place.within(space): row for row in model.registers.values()} if model else {}
+    rows = _by_offset(model, space) if model else {}  # type: ignore[arg-type] # a class has a hash
     at, end = address, address + length
     unknown = at
     while at < end:
@@ -79,3 +80,9 @@ def pieces(
         unknown = at
     if unknown < end:
         yield unknown, end - unknown, None
+
+
+@lru_cache(maxsize=256)
+def _by_offset(model: type[Model], space: str) -> dict[int | None, Register[Any]]:
+    """Give the registers of a map by their first byte, and at None one that stands elsewhere."""
+    return {row.place.within(space): row for row in model.registers.values()}

@@ -5,6 +5,7 @@ Packets and their sources: servobus.families.dynamixel.protocol.
 
 from collections.abc import Sequence
 
+from servobus.core.effect import Effect, Kind, Touch
 from servobus.core.exchange import ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST
@@ -12,12 +13,14 @@ from servobus.core.units import Flags
 from servobus.families.dynamixel.places import TABLE
 from servobus.families.dynamixel.protocol import (
     ALARMS,
+    Action,
     BulkRead,
     Error,
     Instruction,
     Ping,
     ReadData,
     RegWrite,
+    Reset,
     SyncRead,
     SyncWrite,
     WriteData,
@@ -25,6 +28,7 @@ from servobus.families.dynamixel.protocol import (
     parse_instruction,
     parse_status,
 )
+from servobus.families.effects import ModelOf, bytes_written, doubtful, kept, reads
 from servobus.families.explain import addressed, id_list, servo, show_bytes, show_span, show_values
 from servobus.families.model import Model
 
@@ -98,6 +102,26 @@ def replies_to(packet: Packet) -> tuple[ReplyPattern, ...] | None:
         case ReadData(_, _, length):
             return (ReplyPattern(packet.id, None, (length, 0)),)
     return (ReplyPattern(packet.id, None, (0,), certain=isinstance(message, Ping)),)
+
+
+def effect(packet: Packet, model_of: ModelOf) -> Effect:
+    """Tell what an instruction does. Which write an ACTION carries out nothing in the packet tells."""
+    try:
+        message = parse_instruction(packet)
+    except ValueError:
+        return doubtful((packet.id,))
+    match message:
+        case WriteData(id, address, data):
+            return Effect((bytes_written(id, model_of(id), TABLE, address, data),))
+        case RegWrite(id, address, data):
+            return Effect((kept(bytes_written(id, model_of(id), TABLE, address, data)),))
+        case SyncWrite(address, _, parts):
+            return Effect(tuple(bytes_written(id, model_of(id), TABLE, address, data) for id, data in parts))
+        case Action(id):
+            return Effect((Touch(id, Kind.WRITES | Kind.DRIVES),))
+        case Reset(id):
+            return Effect((Touch(id, Kind.STORES),))
+    return reads(concerns(packet))
 
 
 def _only_instruction(packet: Packet) -> bool:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
+from servobus.core.effect import Effect
 from servobus.core.exchange import Exchange, GroupExchange, Pause, Procedure, ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.ids import check_id
@@ -422,6 +423,9 @@ class Dynamixel1(Family):
 
     def told_number(self, packet: Packet, request: Packet) -> int | None:
         return listening.told_number(packet, request)
+
+    def effect(self, packet: Packet, model_of: Callable[[int], type[Model] | None]) -> Effect:
+        return listening.effect(packet, model_of)
 
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
         return listening.replies_to(packet)

@@ -3,10 +3,12 @@
 Packets and their sources: servobus.families.herkulex.protocol.
 """
 
+from servobus.core.effect import NOTHING, Effect, Kind, Touch
 from servobus.core.exchange import ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST
 from servobus.core.units import Quantity, show
+from servobus.families.effects import ModelOf, bytes_written, doubtful, reads
 from servobus.families.explain import addressed, servo, show_bytes, show_span, show_values
 from servobus.families.herkulex.places import EEP, RAM
 from servobus.families.herkulex.protocol import (
@@ -21,6 +23,7 @@ from servobus.families.herkulex.protocol import (
     Jog,
     RamRead,
     RamWrite,
+    Reboot,
     Request,
     Rollback,
     SJog,
@@ -75,6 +78,34 @@ def replies_to(packet: Packet) -> tuple[ReplyPattern, ...] | None:
     if isinstance(message, EepRead | RamRead):
         return (ReplyPattern(packet.id, code, (message.length + 4, 2)),)
     return (ReplyPattern(packet.id, code, (2,), certain=False),)
+
+
+def effect(packet: Packet, model_of: ModelOf) -> Effect:
+    """Tell what a request does. What EEP is given acts only after a restart, which switches the torque off (4-2)."""
+    try:
+        message = parse_request(packet)
+    except ValueError:
+        return doubtful((packet.id,))
+    id = packet.id
+    match message:
+        case RamWrite(_, address, data):
+            return Effect((bytes_written(id, model_of(id), RAM, address, data),))
+        case EepWrite(_, address, data):
+            return Effect((Touch(id, Kind.STORES, bytes_written(id, model_of(id), EEP, address, data).written),))
+        case IJog(_, jogs) | SJog(_, _, jogs):
+            return Effect(tuple(_jogged(jog, model_of(jog.id)) for jog in jogs if not jog.invalid))
+        case Rollback():
+            return Effect((Touch(id, Kind.STORES),))
+        case Reboot():
+            return Effect((Touch(id, Kind.STORES | Kind.RELEASES),))
+    return reads((id,))
+
+
+def _jogged(jog: Jog, model: type[Model] | None) -> Touch:
+    if jog.stop:
+        return Touch(jog.id, Kind.STOPS)
+    goes = jog.mode is ControlMode.POSITION and model is not None
+    return Touch(jog.id, Kind.DRIVES, {model.register("goal_position"): jog.value} if goes and model else NOTHING)
 
 
 def _say_request(message: Request, packet: Packet, model: type[Model] | None) -> str:

@@ -4,9 +4,10 @@ A JOG, the command that moves, sets the lights as well: without colours in it th
 """
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
+from servobus.core.effect import Effect
 from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack_only, told
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST, check_id
@@ -373,6 +374,9 @@ class Herkulex(Family):
 
     def told_number(self, packet: Packet, request: Packet) -> int | None:  # noqa: ARG002 - the ACK repeats the address
         return listening.told_number(packet)
+
+    def effect(self, packet: Packet, model_of: Callable[[int], type[Model] | None]) -> Effect:
+        return listening.effect(packet, model_of)
 
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
         return listening.replies_to(packet)

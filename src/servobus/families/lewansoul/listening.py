@@ -3,9 +3,11 @@
 Packets and their sources: servobus.families.lewansoul.protocol.
 """
 
+from servobus.core.effect import NO_KIND, Effect, Kind, Touch
 from servobus.core.exchange import ReplyPattern
 from servobus.core.framing import Packet
 from servobus.core.ids import BROADCAST
+from servobus.families.effects import ModelOf, doubtful, reads, values_written
 from servobus.families.explain import addressed, show_bytes, show_value
 from servobus.families.lewansoul.places import Pair
 from servobus.families.lewansoul.protocol import (
@@ -47,6 +49,36 @@ def replies_to(packet: Packet) -> tuple[ReplyPattern, ...] | None:
     if not command.reply or (everybody and command is not Command.SERVO_ID_READ):
         return ()
     return (ReplyPattern(None if everybody else packet.id, int(command), (length_of(command.reply),)),)
+
+
+_DONE = {
+    Command.SERVO_MOVE_START: Kind.WRITES | Kind.DRIVES,
+    Command.SERVO_MOVE_STOP: Kind.STOPS,
+    Command.SERVO_ANGLE_OFFSET_WRITE: Kind.STORES,
+}
+"""What commands do that give no value."""
+
+
+def effect(packet: Packet, model_of: ModelOf) -> Effect:
+    """Tell what a command does. Servos ignore bytes beyond those that a command has (EL-23)."""
+    try:
+        message = parse_request(without_surplus(packet))
+    except ValueError:
+        return doubtful((packet.id,))
+    id, command = message.id, message.command
+    if command.reply:
+        return reads((id,))
+    if command in _DONE:
+        return Effect((Touch(id, _DONE[command]),))
+    model = model_of(id)
+    rows = {
+        row.place.at: row
+        for row in (model.registers.values() if model else ())
+        if isinstance(row.place, Pair) and row.place.write == command
+    }
+    given = zip(places_of(command.params), message.values, strict=True)
+    values = {rows[at]: value for (_, _, at), value in given if at in rows}
+    return Effect((values_written(id, model, values, NO_KIND if values else Kind.DRIVES),))
 
 
 def _is_answer(packet: Packet) -> bool:

@@ -1,8 +1,9 @@
 """The verbs of the LewanSoul bus servos. Packets and their sources: servobus.families.lewansoul.protocol."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
+from servobus.core.effect import Effect
 from servobus.core.exchange import Exchange, Pause, Procedure, ReplyPattern, ack_only
 from servobus.core.framing import Packet
 from servobus.core.ids import check_id
@@ -267,6 +268,9 @@ class Lewansoul(Family):
         model: type[Model] | None = None,
     ) -> str:
         return listening.explain(packet, model)
+
+    def effect(self, packet: Packet, model_of: Callable[[int], type[Model] | None]) -> Effect:
+        return listening.effect(packet, model_of)
 
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
         return listening.replies_to(packet)
