@@ -400,7 +400,7 @@ def test_numbered_replies_on_the_fast_path(
     def checked(at: int) -> bool:
         port = Telling("dynamixel", late)
         monkeypatch.setattr("servobus.link.link.monotonic", port.now)
-        first = Bus(port, echo=False).link
+        first = own_link(Bus(port, echo=False))
         link = broken_off(first, first.run(job("dynamixel")), at, way, heard=heard)
         if link is None:
             return False

@@ -478,7 +478,7 @@ def test_a_batch_comes_to_the_same_on_the_short_way(name: str) -> None:
         found = [one if isinstance(one, bytes) else type(one) for one in bus.do(job())]
         counts = bus.stats.total
         told = {kind: getattr(counts, kind) for kind in ("sent", "received", "timeouts", "checksum", "strangers")}
-        return found, port.requests, told, bus.link.state
+        return found, port.requests, told, own_link(bus).state
 
     assert run(short=True) == run(short=False)
 
@@ -506,7 +506,7 @@ def test_a_batch_on_a_calm_line_takes_the_short_way(goals: bool) -> None:
     def job() -> Any:
         if goals:
             yield dynamixel1.sync_write(30, {1: b"\x00\x02"})
-        bus.link._ready = never  # type: ignore[method-assign]
+        own_link(bus)._ready = never  # type: ignore[method-assign]
         return (yield Batch([dynamixel1.read_data(id, 43, 1) for id in (1, 2, 3)]))
 
     def never(*_: object, **__: object) -> Any:
