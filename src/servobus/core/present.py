@@ -37,6 +37,11 @@ def decoded_json(register: Register[Any], value: Any) -> Any:
     return value
 
 
+def decoded_si(register: Register[Any], value: Any) -> Any:
+    """Give a value that was read for JSON, in SI units: rad, rad/s, s, V, A; °C for temperatures."""
+    return register.scale.show(value) if isinstance(register.scale, Choice | Flags) else value
+
+
 def unit_text(register: Register[Any]) -> str:
     """Give the unit that goes with `json_value`; empty for switches, choices and plain numbers."""
     return shown(0.0, register.unit)[1] if register.unit else ""

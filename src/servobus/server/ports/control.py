@@ -11,10 +11,10 @@ it: when a client is gone or hangs its servos are made safe, at the end all of t
 """
 
 import asyncio
-from collections.abc import Mapping, Sequence
-from functools import partial
-from typing import Any
-from weakref import WeakKeyDictionary
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, partial
+from typing import Any, TypeAlias, TypeVar
 
 from servobus.bus.asyncio import AsyncBusServo
 from servobus.core.effect import Effect, Kind
@@ -23,7 +23,9 @@ from servobus.core.framing import Packet
 from servobus.core.registers import Register
 from servobus.core.values import frozen
 from servobus.errors import NoReply, ServobusError, Stopped, UsageError
+from servobus.families import registry
 from servobus.families.base import Family
+from servobus.remote.protocol import ROLES
 from servobus.server.ports.events import Events
 from servobus.server.ports.leases import Holder, Leases
 from servobus.server.ports.served_bus import ServedBus, family_of, key_of
@@ -32,7 +34,9 @@ STALE = 0.5
 """s after which a command of motion is too old, whatever the deadman of its sender."""
 MISSED = 3
 """Requests in a row without an answer after which a servo is said to be lost."""
-Place = tuple[str, str]
+MOST_JUDGED = 4096
+T = TypeVar("T")
+Place: TypeAlias = tuple[str, str]
 """Bus and key of a servo."""
 
 
@@ -58,9 +62,12 @@ class Control:
     def __init__(self, buses: dict[str, ServedBus], events: Events) -> None:
         self.buses, self.events = buses, events
         self.leases: Leases[Place] = Leases(self._lease_changed)
-        self._judged: WeakKeyDictionary[Exchange[Any], dict[tuple[str, int], _Judged]] = WeakKeyDictionary()
+        self._judged: dict[tuple[str, int, str, bytes], _Judged] = {}
+        """What requests do that come again: by bus, speed, family and bytes."""
         self._missed: dict[Place, int] = {}
         self._alarms: dict[Place, int] = {}
+        self._stoppers = ThreadPoolExecutor(thread_name_prefix="servobus stop")
+        """Threads of their own: a stop must not wait until another thread has written a file."""
         self._stopping: set[asyncio.Future[Any]] = set()
         """Stops under way, so that they are not forgotten before they are over."""
 
@@ -69,8 +76,11 @@ class Control:
     def admit(self, who: Holder, bus: str, exchange: Exchange[Any], baud: int, asked: float) -> None:
         """Raise the error with which a request is refused: UsageError, Held or Stopped."""
         served = self.buses[bus]
+        if (exchange.framing.name, exchange.request) in _strangers():
+            return
         judged = self._judge(served, exchange, baud)
         if judged.effect.only_reads:
+            served.speaker = who.name
             return
         try:
             self._check(who, served, judged, asked)
@@ -79,11 +89,12 @@ class Control:
             raise
         for servo in judged.driven:
             servo.permit.driven, servo.permit.stopped = True, False
+        served.speaker = who.name
 
     def carried_out(self, who: Holder, bus: str, exchange: Exchange[Any], baud: int, outcome: Any) -> None:
         """Take note of what a request has changed, and of who answered."""
         served = self.buses.get(bus)
-        if served is None:
+        if served is None or (exchange.framing.name, exchange.request) in _strangers():
             return
         outcomes = outcome if isinstance(outcome, list) else [outcome]
         judged = self._judge(served, exchange, baud)
@@ -105,10 +116,17 @@ class Control:
 
     # Leases and stops
 
+    def bus(self, name: str) -> ServedBus:
+        """Give a bus. Raises UsageError."""
+        served = self.buses.get(name)
+        if served is None:
+            raise UsageError(f"no bus {name!r:.60} here; there are: {', '.join(self.buses) or 'none'}")
+        return served
+
     def take(self, who: Holder, bus: str, keys: Sequence[str], *, over: bool) -> None:
         """Have a client hold servos. What another one has lost to it is made safe. Raises Held, UsageError."""
-        _require(who, "operator")
-        served = self._bus(bus)
+        require(who, "operator")
+        served = self.bus(bus)
         places = [(bus, key_of(served.servo(key))) for key in keys]
         if not over:
             self.leases.take(who, places)
@@ -122,14 +140,14 @@ class Control:
 
     def latch(self, bus: str, by: str, keys: Sequence[str] | None = None) -> None:
         """Let nothing move on a bus, or none of these servos, until `resume`."""
-        served = self._bus(bus)
+        served = self.bus(bus)
         served.latch.stop(by, asyncio.get_running_loop().time(), keys)
         self.events.tell("stopped", bus=bus, by=by, servos=list(keys) if keys is not None else None)
 
     def resume(self, who: Holder, bus: str, keys: Sequence[str] | None = None) -> None:
         """Allow motion again after a stop."""
-        _require(who, "operator")
-        self._bus(bus).latch.resume(keys)
+        require(who, "operator")
+        self.bus(bus).latch.resume(keys)
         self.events.tell("resumed", bus=bus, by=who.name, servos=list(keys) if keys is not None else None)
 
     async def settled(self) -> None:
@@ -139,8 +157,8 @@ class Control:
     # How it is decided
 
     def _judge(self, served: ServedBus, exchange: Exchange[Any], baud: int) -> _Judged:
-        known = self._judged.setdefault(exchange, {})
-        judged = known.get((served.name, baud))
+        asked = served.name, baud, exchange.framing.name, exchange.request
+        judged = self._judged.get(asked)
         if judged is not None and judged.generation == served.generation:
             return judged
         family = family_of(exchange.framing)
@@ -153,11 +171,13 @@ class Control:
             driven = set(served.concerned(family, effect.ids_of(Kind.DRIVES), baud))
             moved = tuple(one for one in touched if one in driven)
             judged = _Judged(served.generation, family, effect, packet, touched, moved)
-        known[served.name, baud] = judged
+        if len(self._judged) >= MOST_JUDGED:
+            self._judged.clear()
+        self._judged[asked] = judged
         return judged
 
     def _check(self, who: Holder, served: ServedBus, judged: _Judged, asked: float) -> None:
-        _require(who, "operator")
+        require(who, "operator")
         self.leases.check(who, [(served.name, key_of(servo)) for servo in judged.touched])
         if not judged.effect.kinds & Kind.DRIVES:
             return
@@ -245,25 +265,45 @@ class Control:
                 self.events.tell("stopped", bus=name, by="server", servos=said, why=f"{who.name} {why}")
                 self._make_safe(served, driven)
 
+    def stop(self, served: ServedBus, servos: Sequence[AsyncBusServo]) -> Awaitable[list[str]]:
+        """Begin to stop servos: those that are driven at once, beside the loop, then the others where they are.
+
+        Gives what may still move, in words.
+        """
+        driven = [servo for servo in servos if servo.permit.driven]
+        at_once = self._beside(partial(served.bus.safety.make_safe, None, driven))
+
+        async def others() -> list[str]:
+            said = await at_once
+            try:
+                await served.bus.stop([servo for servo in servos if servo not in driven])
+            except ServobusError as error:
+                said.append(str(error))
+            return said
+
+        return asyncio.ensure_future(others())
+
     def _make_safe(self, served: ServedBus, servos: Sequence[AsyncBusServo]) -> None:
         """Begin to make servos safe, beside the loop, by the safe action of each."""
-        driven = [servo for servo in servos if servo.permit.driven]
-        if not driven:
-            return
-        loop = asyncio.get_running_loop()
-        work = partial(served.bus.safety.make_safe, None, driven)
-        stop = loop.run_in_executor(None, work)
+        if any(servo.permit.driven for servo in servos):
+            self._beside(partial(served.bus.safety.make_safe, None, servos))
+
+    def _beside(self, work: Callable[[], T]) -> "asyncio.Future[T]":
+        stop = asyncio.get_running_loop().run_in_executor(self._stoppers, work)
         self._stopping.add(stop)
         stop.add_done_callback(self._stopping.discard)
-
-    def _bus(self, name: str) -> ServedBus:
-        served = self.buses.get(name)
-        if served is None:
-            raise UsageError(f"no bus {name!r:.60} here; there are: {', '.join(self.buses) or 'none'}")
-        return served
+        return stop
 
 
-def _require(who: Holder, role: str) -> None:
-    """Raise UsageError where someone may only look."""
-    if getattr(who, "role", role) == "viewer":
-        raise UsageError(f"{who.name} may look, and change nothing: its token is that of a viewer")
+@cache
+def _strangers() -> frozenset[tuple[str, bytes]]:
+    """Give the requests with which a scan finds devices of other protocols: they only ask."""
+    return frozenset(
+        (one.framing.name, one.request) for family in registry.FAMILIES.values() for one in family.strangers()
+    )
+
+
+def require(who: Holder, role: str) -> None:
+    """Raise UsageError where the role of a client is less than this one."""
+    if ROLES.index(getattr(who, "role", ROLES[-1])) < ROLES.index(role):
+        raise UsageError(f"{who.name} may not do this: it takes the token of {role}, not of {getattr(who, 'role', '')}")

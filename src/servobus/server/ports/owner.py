@@ -1,71 +1,41 @@
-"""The process that owns the ports: what its clients may ask beyond the steps of procedures, and how ports come and go.
+"""The ports of a server: how they are opened, watched, and left.
 
-    owner = PortOwner({token: "operator"})
-    owner.open_bus("arm", "/dev/ttyUSB0")
-    server = await owner.service.listen("127.0.0.1", 0)
-    ...
-    await owner.close()                                 # leaves every servo as its safe action says
-
-A stop goes before everything: it is begun while its message is being read, in a thread that waits for nobody but the
-job that has the line, and for that no longer than a stop waits.
+owner = PortOwner({token: "operator"}, boxes=folder)
+owner.open_bus("arm", "/dev/ttyUSB0")
+server = await owner.service.listen("127.0.0.1", 0)
+...
+await owner.close()                                 # leaves every servo as its safe action says
 """
 
 import asyncio
-from collections.abc import Callable, Coroutine, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from servobus import connect
-from servobus.bus.asyncio import AsyncBusServo
 from servobus.bus.servo import Servo
-from servobus.core.operation import Priority
-from servobus.core.present import si_value
-from servobus.errors import PortError, ServobusError, StopFailed, UsageError
-from servobus.families import registry
-from servobus.families.record import SafeAction
-from servobus.remote.managing import (
-    CloseBus,
-    Done,
-    EndLease,
-    Happened,
-    Introduce,
-    ListServos,
-    OpenBus,
-    Resume,
-    SaveBox,
-    Seen,
-    ServoInfo,
-    Servos,
-    StopServos,
-    Subscribe,
-    TakeLease,
-    Telemetry as TelemetryMessage,
-    Traffic,
-    Unsubscribe,
-    WatchEvents,
-    WatchTraffic,
-)
-from servobus.safety.safe_stop import ACTIONS, check_safe_action
-from servobus.server.ports.control import Control, require
+from servobus.errors import PortError, ServobusError, UsageError
+from servobus.server.ports.control import Control
+from servobus.server.ports.desk import Desk
 from servobus.server.ports.events import Event, Events
 from servobus.server.ports.served_bus import ServedBus, key_of
 from servobus.server.ports.service import Connection, Service
-from servobus.server.ports.telemetry import Telemetry, Values, Wish, check_wish, overview
-from servobus.traffic.recording import Chunk, Line
+from servobus.server.ports.telemetry import Values
+from servobus.transports.base import Transport
 
 LOOK = 1.0
-"""s between two tries to open a port again that is gone."""
+"""s between two looks whether a port is still there, and two tries to open one again that is gone."""
 MOST_BUSES = 32
+LONGEST_NAME = 60
 
 
 class PortOwner:
     """The buses of a server, and all who use them.
 
-    tokens  token -> what it lets a client do
+    tokens  token -> what it lets a client do; see `servobus.remote.protocol.ROLES`
     boxes   folder for the black boxes that are saved
-    record  folder for recordings that go on all the time; none are made without it
+    record  folder for recordings that go on all the time; without it there are none
     opened  opens a port by its name
     """
 
@@ -75,65 +45,42 @@ class PortOwner:
         *,
         boxes: Path,
         record: Path | None = None,
-        opened: Callable[[str], Any] = connect.transport,
+        opened: Callable[[str], Transport] = connect.transport,
     ) -> None:
         self.events = Events()
         self.buses: dict[str, ServedBus] = {}
         self.control = Control(self.buses, self.events)
         self.service = Service({}, tokens, self.control)
-        self._boxes, self._record, self._opened = boxes, record, opened
-        self._telemetry: dict[str, Telemetry] = {}
+        self.boxes, self._record, self._opened = boxes, record, opened
         self._tasks: dict[str, list[asyncio.Task[None]]] = {}
-        self._watching: dict[Connection, dict[Hashable, Callable[[], object]]] = {}
-        """Connection -> what it watches -> what ends that."""
+        self.desk = Desk(self)
         self.events.listen(self._keep)
-        self.service.on_leave = self._left
-        self.service.handlers.update(
-            {
-                TakeLease: self._take_lease,
-                EndLease: self._end_lease,
-                StopServos: self._stop,
-                Resume: self._resume,
-                ListServos: self._list,
-                Introduce: self._introduce,
-                OpenBus: self._open,
-                CloseBus: self._close,
-                Subscribe: self._subscribe,
-                Unsubscribe: self._unsubscribe,
-                WatchTraffic: self._watch_traffic,
-                WatchEvents: self._watch_events,
-                SaveBox: self._save,
-            }
-        )
-
-    # Buses
 
     def open_bus(self, name: str, port: str, *, by: str = "") -> ServedBus:
         """Open a port as a bus. Asks nothing, moves nothing. Raises UsageError, PortError."""
         if name in self.buses:
             raise UsageError(f"there is a bus {name!r} already")
-        if not name.isprintable() or not 0 < len(name) <= 60 or "/" in name:
-            raise UsageError(f"{name!r:.70} is no name of a bus: up to 60 letters, without a slash")
+        if not name.isprintable() or not 0 < len(name) <= LONGEST_NAME or "/" in name:
+            raise UsageError(f"{name!r:.70} is no name of a bus: up to {LONGEST_NAME} letters, without a slash")
         if len(self.buses) >= MOST_BUSES:
             raise UsageError(f"{MOST_BUSES} buses are open already")
         record = None if self._record is None else self._record / f"{name}.rec"
-        served = ServedBus(name, self._opened(port), record=record)
-        self.buses[name] = self.service.buses_served[name] = served  # type: ignore[attr-defined]
-        telemetry = self._telemetry[name] = Telemetry(served.bus, partial(self._deliver, served))
+        served = ServedBus(name, self._opened(port), partial(self._deliver, name), record=record)
+        self.buses[name], self.service.buses[name] = served, served.bus
         loop = asyncio.get_running_loop()
-        self._tasks[name] = [loop.create_task(telemetry.run()), loop.create_task(self._attend(served))]
+        self._tasks[name] = [loop.create_task(served.telemetry.run()), loop.create_task(self._attend(served))]
         self.events.tell("opened", bus=name, by=by, port=port)
         return served
 
     async def close_bus(self, name: str, *, by: str = "") -> None:
-        """Make safe what is driven on a bus, and give its port back."""
-        served = self._bus(name)
+        """Make safe what is driven on a bus, and give its port back. Raises UsageError for a bus that is not there."""
+        served = self.control.bus(name)
         for task in self._tasks.pop(name):
             task.cancel()
-        del self._telemetry[name]
         loop = asyncio.get_running_loop()
         await loop.run_in_executor(None, partial(served.bus.safety.end, safe=True))
         del self.buses[name], self.service.buses[name]
+        self.service.gone.discard(name)
         served.close()
         self.events.tell("closed", bus=name, by=by)
 
@@ -142,3 +89,42 @@ class PortOwner:
         self.service.close()
         await self.control.settled()
         await asyncio.gather(*(self.close_bus(name) for name in list(self.buses)), return_exceptions=True)
+
+    # What goes on by itself
+
+    def _keep(self, event: Event) -> None:
+        """Keep an event in the black box of its bus."""
+        served = self.buses.get(event.bus)
+        if served is not None:
+            served.box.note(event.what, {"servo": event.servo, "by": event.by, "more": event.data})
+
+    def _deliver(
+        self,
+        name: str,
+        client: Hashable,
+        now: float,
+        seen: Mapping[Servo, Values],
+        lost: Mapping[Servo, str],
+    ) -> None:
+        served = self.buses[name]
+        for servo, values in seen.items():
+            served.box.note("telemetry", {"servo": key_of(servo), "values": dict(values)})
+        assert isinstance(client, Connection)
+        self.desk.show(client, served, now, seen, lost)
+
+    async def _attend(self, served: ServedBus) -> None:
+        """See whether the port is there, and open it again when it is back."""
+        gone = self.service.gone
+        while True:
+            await asyncio.sleep(LOOK)
+            if served.name not in gone:
+                try:
+                    served.tap.pending()
+                except PortError as error:
+                    gone.add(served.name)
+                    self.events.tell("gone", bus=served.name, why=str(error))
+                continue
+            with suppress(ServobusError, OSError):
+                report = await served.bus.reopen()
+                gone.discard(served.name)
+                self.events.tell("back", bus=served.name, text=str(report))

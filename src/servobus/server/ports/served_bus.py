@@ -1,9 +1,12 @@
 """One bus of the server: its port, the servos that were met on it, and what is kept of it."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TypeVar
 
 from servobus.bus.asyncio import AsyncBus, AsyncBusServo
+from servobus.bus.servo import Servo
+from servobus.core.exchange import Job, Procedure
 from servobus.core.framing import Framing
 from servobus.core.ids import BROADCAST
 from servobus.core.values import replace
@@ -12,12 +15,15 @@ from servobus.families import registry
 from servobus.families.base import Family, Model
 from servobus.server.ports.blackbox import BlackBox
 from servobus.server.ports.leases import StopLatch
-from servobus.traffic.recording import Header, Line, RecordingFile
+from servobus.server.ports.telemetry import Deliver, Telemetry
+from servobus.traffic.recording import Chunk, Header, Line, RecordingFile
 from servobus.transports.base import Transport
 from servobus.transports.tap import TapTransport
 
+T = TypeVar("T")
 
-def key_of(servo: AsyncBusServo) -> str:
+
+def key_of(servo: Servo) -> str:
     """Give what a servo is called in messages: its family, id and speed, as "dynamixel:1@57600"."""
     return f"{servo.family.name}:{servo.id}@{servo.baud}"
 
@@ -35,13 +41,16 @@ class ServedBus:
     """A bus that several share.
 
     name   what clients call it
+    port   its port, opened
+    deliver  is given what was read for clients; see `Telemetry`
+    record  file for a recording that goes on all the time
     bus    the driver, which holds what the server itself knows of the servos
     latch  what a stop has forbidden to move
     box    the last minute of its traffic
     file   a recording that goes on all the time, if one was asked for
     """
 
-    def __init__(self, name: str, port: Transport, *, record: Path | None = None) -> None:
+    def __init__(self, name: str, port: Transport, deliver: Deliver, *, record: Path | None = None) -> None:
         self.name = name
         self.tap = TapTransport(port, self._carried)
         header = Header(port.name, port.baud)
@@ -49,6 +58,10 @@ class ServedBus:
         self.file = RecordingFile(record, header) if record is not None else None
         self.bus = AsyncBus(self.tap)
         self.latch: StopLatch[str] = StopLatch()
+        self.telemetry = Telemetry(self.bus, deliver, self._as_server)
+        self.speaker = ""
+        """Name of the client whose request went out last; empty for one of the server itself."""
+        self._listeners: list[Callable[[Chunk, str], object]] = []
         self.generation = 0
         """Grows when a servo becomes known or turns out to be another one: then requests may mean other things."""
         self._met: dict[tuple[Family, int, int], AsyncBusServo] = {}
@@ -58,6 +71,25 @@ class ServedBus:
         self.box.add(line)
         if self.file is not None:
             self.file.write(line)
+        if self._listeners and isinstance(line, Chunk):
+            for listener in list(self._listeners):
+                listener(line, self.speaker)
+
+    def _as_server(self, job: Job[T]) -> Procedure[T]:
+        """Have a job of the server itself go out under no client's name."""
+        self.speaker = ""
+        return (yield from job)
+
+    def listen(self, listener: Callable[[Chunk, str], object]) -> Callable[[], None]:
+        """Have a listener told of the bytes on the bus, with the name of who asked; give what ends that."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    def close(self) -> None:
+        """Give the port back."""
+        self.bus.close()
+        if self.file is not None:
+            self.file.close()
 
     def servo(self, key: str) -> AsyncBusServo:
         """Give a servo that is known. Raises UnknownName, BadValue."""

@@ -147,6 +147,8 @@ class Connection(asyncio.Protocol):
     def __init__(self, service: Service) -> None:
         self.service = service
         self.session: Session | None = None
+        self.at_end: list[Callable[[], object]] = []
+        """Called when the connection has ended."""
         self._loop = asyncio.get_running_loop()
         self._transport: asyncio.Transport | None = None
         self._buffer = b""
@@ -161,6 +163,12 @@ class Connection(asyncio.Protocol):
         self._counted_at = 0.0
 
     # For those who answer
+
+    @property
+    def who(self) -> Session:
+        """The session whose request is answered."""
+        assert self.session is not None
+        return self.session
 
     def tell(self, message: Any) -> None:
         """Send a message. A client that does not read what it is sent is closed."""
@@ -241,6 +249,8 @@ class Connection(asyncio.Protocol):
             steps.break_off("its client has gone")
         for task in list(self._tasks):
             task.cancel()
+        for end in self.at_end:
+            end()
         session = self.session
         if session is None:
             return
