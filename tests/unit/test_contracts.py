@@ -145,6 +145,8 @@ VIOLATIONS = [
     ("terminal", "traffic.present", "~rich"),
     ("terminal", "doctor.health", "~rich"),
     ("terminal", "bus.cycle", "~matplotlib"),
+    ("web", "cli.output", "~fastapi"),
+    ("web", "connect", "~uvicorn"),
 ]
 """Contract, module and what that must not import; both inside servobus, or ~ and a package of others."""
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from servobus import BusServo, NoReply
+from servobus import BusServo
 from servobus.cli.advice import note_unknown
 from servobus.cli.finding import Where, for_each, open_port
 from servobus.cli.options import as_json, on_servos, verb
@@ -15,8 +15,8 @@ from servobus.cli.values import Ids, are_several
 from servobus.connect import VIRTUAL
 from servobus.core.present import value_entry, value_text
 from servobus.core.registers import Access, Register
-from servobus.errors import BusError, Refused
 from servobus.families.present import model_entry, model_lines, servo_entry
+from servobus.jobs.look import read_table
 
 WIDEST = 16
 """Columns that a value may take before its register's meaning makes room for it."""
@@ -41,7 +41,7 @@ def info(port: str, ids: Ids, where: Where, json: bool) -> None:
 
     def show_one(servo: BusServo) -> None:
         servo.look()
-        raws = _read_all(servo)
+        raws = servo._bus.do(read_table(servo.target), baud=servo.baud)
         if shown:
             click.echo()
         shown.append(servo)
@@ -60,7 +60,7 @@ def info(port: str, ids: Ids, where: Where, json: bool) -> None:
 
 def _entry(servo: BusServo) -> dict[str, Any]:
     servo.look()
-    raws = _read_all(servo)
+    raws = servo._bus.do(read_table(servo.target), baud=servo.baud)
     return {
         **servo_entry(servo.family, servo.model, servo.id, servo.baud, servo.firmware),
         "alarms": servo.alarm_text().split("+") if servo.alarms else [],
@@ -104,21 +104,3 @@ def _options(servo: BusServo) -> dict[str, str]:
     from servobus.cli.virtual_options import options_at  # noqa: PLC0415 - virtual servos are slow to import
 
     return options_at(transport, servo.model, servo.id)
-
-
-def _read_all(servo: BusServo) -> dict[Register[Any], int | None]:
-    """Read every register; one by one if that fails, for there are servos that lack some."""
-    rows = [row for row in servo.model.registers.values() if row.readable]
-    try:
-        return dict(zip(rows, servo.read_raw(rows), strict=True))
-    except (NoReply, Refused) as error:
-        first: BusError = error
-    raws: dict[Register[Any], int | None] = {}
-    for row in rows:
-        try:
-            (raws[row],) = servo.read_raw([row])
-        except (NoReply, Refused):
-            raws[row] = None
-    if not any(raw is not None for raw in raws.values()):
-        raise first
-    return raws

@@ -37,9 +37,31 @@ def decoded_json(register: Register[Any], value: Any) -> Any:
     return value
 
 
+def si_value(register: Register[Any], raw: int) -> Any:
+    """Give a value for programs, in SI units; else as `json_value`, but a set of flags as a list of names."""
+    try:
+        value = register.decode(raw)
+    except ValueError:
+        return raw if register.holds(raw) else None
+    return decoded_si(register, value)
+
+
 def decoded_si(register: Register[Any], value: Any) -> Any:
-    """Give a value that was read for JSON, in SI units: rad, rad/s, s, V, A; °C for temperatures."""
-    return register.scale.show(value) if isinstance(register.scale, Choice | Flags) else value
+    """Give a value that was read for programs; see `si_value`."""
+    scale = register.scale
+    if isinstance(scale, Flags):
+        return scale.show(value).split("+") if value else []
+    return scale.show(value) if isinstance(scale, Choice) else value
+
+
+def si_entry(register: Register[Any], raw: int) -> dict[str, Any]:
+    """Give one value in its SI unit, the raw integer, and the text for people."""
+    return {
+        "value": si_value(register, raw),
+        "unit": register.unit,
+        "raw": raw,
+        "text": value_text(register, raw),
+    }
 
 
 def unit_text(register: Register[Any]) -> str:
@@ -91,6 +113,37 @@ def register_entry(row: Register[Any]) -> dict[str, Any]:
             "default": None if row.default is None else int(row.default),
         },
     }
+
+
+def si_register_entry(row: Register[Any]) -> dict[str, Any]:
+    """Give one row of a table for programs: as `register_entry`, in SI units, with what its values are called."""
+    low, high = row.limits
+    kind, names = _kind(row)
+    return {
+        **register_entry(row),
+        "kind": kind,
+        "names": names,
+        "limits": [si_value(row, low), si_value(row, high)] if row.writable else None,
+        "allowed": [si_value(row, raw) for raw in row.allowed] if row.allowed else None,
+        "default": None if row.default is None else si_value(row, row.default),
+        "default_text": None if row.default is None else value_text(row, row.default),
+        "unit": row.unit,
+        "latched": row.latched,
+        "volatile": row.volatile,
+        "moves": row.motion is not None,
+    }
+
+
+def _kind(row: Register[Any]) -> tuple[str, list[str]]:
+    """Say what kind of values a row has, and give the names of those that have names."""
+    scale = row.scale
+    if isinstance(scale, Choice):
+        return "choice", [scale.show(option) for option in scale.options]
+    if isinstance(scale, Flags):
+        return "flags", [scale.show(flag) for flag in scale.used]
+    if isinstance(scale, Switch):
+        return "switch", []
+    return "quantity" if isinstance(scale, Measure) else "number", []
 
 
 def title_text(row: Register[Any]) -> str:

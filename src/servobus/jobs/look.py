@@ -1,11 +1,13 @@
 """Looking at one servo: what it is, where it is, and whether it restarted."""
 
 import math
+from typing import Any
 
 from servobus.core.exchange import Procedure, SetBaud
+from servobus.core.registers import Register
 from servobus.core.units import Raw, show
 from servobus.core.values import frozen
-from servobus.errors import Restarted
+from servobus.errors import NoReply, Refused, Restarted
 from servobus.families.base import Family, Identity, KnownServo, ServoRef, TorqueState
 
 
@@ -55,6 +57,28 @@ def look(target: ServoRef) -> Procedure[Snapshot]:
     first, second, third = (raw[name] for name in shown)
     without_unit = (first, second, third) if target.model.unscaled(*shown) else None
     return Snapshot(position, voltage, temperature, torque.on, torque.shutdown, without_unit)
+
+
+def read_table(target: ServoRef) -> Procedure[dict[Register[Any], int | None]]:
+    """Read every register that can be read, raw; None for one that this servo lacks, for there are such.
+
+    They are read one by one where reading them together fails. Raises NoReply or Refused if none could be read.
+    """
+    rows = [row for row in target.model.registers.values() if row.readable]
+    family = target.model.family
+    try:
+        return dict(zip(rows, (yield from family.read(target, rows)), strict=True))
+    except (NoReply, Refused) as error:
+        first = error
+    raws: dict[Register[Any], int | None] = {}
+    for row in rows:
+        try:
+            (raws[row],) = yield from family.read(target, [row])
+        except (NoReply, Refused):
+            raws[row] = None
+    if all(raw is None for raw in raws.values()):
+        raise first
+    return raws
 
 
 def identify_at(family: Family, id: int, baud: int) -> Procedure[Identity]:

@@ -8,7 +8,7 @@ from typing import TypeAlias
 from servobus.core.values import frozen
 from servobus.remote.messages import message
 
-Value: TypeAlias = float | int | bool | str | None
+Value: TypeAlias = bool | int | float | str | tuple[str, ...] | None
 
 
 @message("done")

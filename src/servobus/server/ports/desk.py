@@ -235,7 +235,8 @@ class Desk:
 
 def _values(servo: Servo, values: Values) -> tuple[tuple[str, Value], ...]:
     rows = ((name, servo.model.register(name), value) for name, value in values.items())
-    return tuple((name, decoded_si(row, value)) for name, row, value in rows)
+    shown = ((name, decoded_si(row, value)) for name, row, value in rows)
+    return tuple((name, tuple(value) if isinstance(value, list) else value) for name, value in shown)
 
 
 async def _done(n: int, work: Coroutine[Any, Any, Any]) -> Done:

@@ -1,0 +1,83 @@
+"""The web process as one ASGI application: the guard around the API, and around pages where they are mounted."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI
+
+import servobus
+from servobus.server.web.api import API_PREFIX, router
+from servobus.server.web.api.answers import Context, handle_errors
+from servobus.server.web.auth import Authority
+from servobus.server.web.config import WebConfig
+from servobus.server.web.guard import Guard
+from servobus.server.web.service import Service
+
+ABOUT = """Servos on serial buses: read, set up, move and watch them.
+
+Values are in SI units (rad, rad/s, s, V; temperatures in °C, shares as ratios), with the names of the register tables.
+Programs send `Authorization: Bearer TOKEN`. A status of 500 and above means that the server has a fault, and nothing
+else: a servo that does not answer is 424.
+"""
+
+
+class WebApplication:
+    """The application, and what it works on.
+
+    api      the inner application; pages are mounted on it, after the API
+    asgi     what is served: the guard around it
+    """
+
+    def __init__(self, config: WebConfig, service: Service | None = None, authority: Authority | None = None) -> None:
+        self.config = config
+        self.service = service or Service(audit=config.audit, recordings=config.recordings)
+        self.authority = authority or Authority(
+            start_token=config.start_token,
+            local_token=config.local_token,
+            password=config.password,
+            tokens_file=config.tokens_file,
+        )
+        self.context = Context(config, self.authority, self.service)
+        self.api = FastAPI(
+            title="servobus",
+            version=servobus.__version__,
+            description=ABOUT,
+            docs_url=None,  # their scripts come from elsewhere
+            redoc_url=None,
+            openapi_url=f"{API_PREFIX}/openapi.json",
+            lifespan=self._lifespan,
+            redirect_slashes=False,
+        )
+        self.api.state.context = self.context
+        self.api.include_router(router)
+        handle_errors(self.api)
+        self.listens(config.port)
+
+    def listens(self, port: int) -> None:
+        """Take note of the port, which the system may have chosen."""
+        config = self.config
+        self.context.port = port
+        host = f"[{config.host}]" if ":" in config.host else config.host
+        name = config.names[0] if config.names and not config.loopback else host
+        self.context.base = f"{config.scheme}://{name}:{port}"
+        authorities = config.authorities(port)
+        self.asgi = Guard(
+            self.api,
+            self.authority,
+            authorities=lambda: authorities,
+            scheme=config.scheme,
+            cookie=self.context.cookie,
+            local=config.loopback,
+            read_only=config.read_only,
+        )
+
+    @asynccontextmanager
+    async def _lifespan(self, _: FastAPI) -> AsyncIterator[None]:
+        for name, port in self.config.buses.items():
+            self.service.open_bus("server", name, port)
+        for name, file in self.config.robots.items():
+            self.service.open_robot(name, file)
+        try:
+            yield
+        finally:
+            await self.service.close()
