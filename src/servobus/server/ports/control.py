@@ -4,6 +4,7 @@ What a request does is told from its bytes, so the rules hold for every program 
 
 - Reading is for all.
 - What writes needs the role of an operator, and a servo that nobody else holds.
+- What ends a motion is let through to a servo that another one holds, too.
 - What drives takes the lease of a servo that nobody holds, must not come too late, and not after a stop.
 
 The driver of the bus takes note of what the clients drive, as it does of its own moves. So its safe stop finds all of
@@ -14,15 +15,16 @@ import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from servobus.bus.asyncio import AsyncBusServo
 from servobus.core.effect import Effect, Kind
 from servobus.core.exchange import Exchange
 from servobus.core.framing import Packet
+from servobus.core.operation import Priority
 from servobus.core.registers import Register
 from servobus.core.values import frozen
-from servobus.errors import NoReply, ServobusError, Stopped, UsageError
+from servobus.errors import BusError, Refused, ServobusError, Stopped, UsageError
 from servobus.families import registry
 from servobus.families.base import Family
 from servobus.remote.protocol import ROLES
@@ -33,11 +35,19 @@ from servobus.server.ports.served_bus import ServedBus, family_of, key_of
 STALE = 0.5
 """s after which a command of motion is too old, whatever the deadman of its sender."""
 MISSED = 3
-"""Requests in a row without an answer after which a servo is said to be lost."""
+"""Requests in a row without a good answer after which a servo is said to be lost."""
 MOST_JUDGED = 4096
 T = TypeVar("T")
-Place: TypeAlias = tuple[str, str]
-"""Bus and key of a servo."""
+
+
+class Place(NamedTuple):
+    """A servo of the server: its bus, and its key there."""
+
+    bus: str
+    servo: str
+
+    def __str__(self) -> str:
+        return f"{self.servo} on bus {self.bus}"
 
 
 @frozen
@@ -73,8 +83,16 @@ class Control:
 
     # The gate
 
-    def admit(self, who: Holder, bus: str, exchange: Exchange[Any], baud: int, asked: float) -> None:
-        """Raise the error with which a request is refused: UsageError, Held or Stopped."""
+    def admit(
+        self,
+        who: Holder,
+        bus: str,
+        exchange: Exchange[Any],
+        baud: int,
+        asked: float,
+        priority: Priority = Priority.READ,
+    ) -> None:
+        """Raise the error with which a request is refused: UsageError, Held or Stopped; see `Gate`."""
         served = self.buses[bus]
         if (exchange.framing.name, exchange.request) in _strangers():
             return
@@ -83,13 +101,16 @@ class Control:
             served.speaker = who.name
             return
         try:
-            self._check(who, served, judged, asked)
+            require(who, "operator")
+            if priority is not Priority.STOP:
+                self._check(who, served, judged, asked)
         except ServobusError as error:
             self.events.tell("refused", bus=bus, by=who.name, request=exchange.what, why=str(error))
             raise
-        for servo in judged.driven:
-            servo.permit.driven, servo.permit.stopped = True, False
         served.speaker = who.name
+        if priority is not Priority.STOP:  # to hold a servo where it is a goal is written, too
+            for servo in judged.driven:
+                servo.permit.driven, servo.permit.stopped = True, False
 
     def carried_out(self, who: Holder, bus: str, exchange: Exchange[Any], baud: int, outcome: Any) -> None:
         """Take note of what a request has changed, and of who answered."""
@@ -101,7 +122,7 @@ class Control:
         for one in outcomes:
             if isinstance(one, Packet):
                 self._answered(served, judged, baud, one)
-            elif isinstance(one, NoReply) and one is outcome:
+            elif isinstance(one, BusError) and not isinstance(one, Refused) and one is outcome:
                 self._unanswered(served, judged, baud, exchange.id)
         if not judged.effect.only_reads and not isinstance(outcome, ServobusError):
             self._changed(who, served, judged, baud)
@@ -127,7 +148,7 @@ class Control:
         """Have a client hold servos. What another one has lost to it is made safe. Raises Held, UsageError."""
         require(who, "operator")
         served = self.bus(bus)
-        places = [(bus, key_of(served.servo(key))) for key in keys]
+        places = [Place(bus, key_of(served.servo(key))) for key in keys]
         if not over:
             self.leases.take(who, places)
             return
@@ -136,7 +157,7 @@ class Control:
 
     def end_leases(self, who: Holder, bus: str, keys: Sequence[str] | None = None) -> None:
         """End leases of a client; what it drives goes on, held by nobody."""
-        self.leases.end(who, None if keys is None else [(bus, key) for key in keys])
+        self.leases.end(who, None if keys is None else [Place(bus, key) for key in keys])
 
     def latch(self, bus: str, by: str, keys: Sequence[str] | None = None) -> None:
         """Let nothing move on a bus, or none of these servos, until `resume`."""
@@ -177,8 +198,7 @@ class Control:
         return judged
 
     def _check(self, who: Holder, served: ServedBus, judged: _Judged, asked: float) -> None:
-        require(who, "operator")
-        self.leases.check(who, [(served.name, key_of(servo)) for servo in judged.touched])
+        self.leases.check(who, [Place(served.name, key_of(servo)) for servo in judged.touched])
         if not judged.effect.kinds & Kind.DRIVES:
             return
         if getattr(who, "silent", False):
@@ -189,7 +209,7 @@ class Control:
         if served.latch.stopped() is not None:
             served.latch.check(keys or ["every servo"])
         served.latch.check(keys)
-        self.leases.take(who, [(served.name, key) for key in keys])
+        self.leases.take(who, [Place(served.name, key) for key in keys])
 
     # What is noted
 
@@ -200,7 +220,7 @@ class Control:
         servo = known if known is not None and number is None else served.meet(family, answer.id, baud, number)
         if servo is None:
             return
-        place = served.name, key_of(servo)
+        place = Place(served.name, key_of(servo))
         missed = self._missed.pop(place, 0)
         if known is None or known.model is not servo.model or missed >= MISSED:
             self.events.tell("appeared", bus=served.name, servo=place[1], model=servo.model.title)
@@ -216,7 +236,7 @@ class Control:
         servo = served.met(judged.family, id, baud)
         if servo is None:
             return
-        place = served.name, key_of(servo)
+        place = Place(served.name, key_of(servo))
         self._missed[place] = self._missed.get(place, 0) + 1
         if self._missed[place] == MISSED:
             self.events.tell("lost", bus=served.name, servo=place[1])
@@ -236,7 +256,7 @@ class Control:
 
     def _follow(self, served: ServedBus, servo: AsyncBusServo, written: Mapping[Register[Any], int]) -> None:
         """Know a servo by its new id or speed, with its lease, from when that is written."""
-        before = served.name, key_of(servo)
+        before = Place(served.name, key_of(servo))
         id = written.get(servo.model.register("id"))
         speed = servo.model.optional("baud")
         raw = None if speed is None else written.get(speed)
@@ -244,7 +264,7 @@ class Control:
         if id is None and baud is None:
             return
         served.moved_to(servo, id=id, baud=baud)
-        self.leases.rename(before, (served.name, key_of(servo)))
+        self.leases.rename(before, Place(served.name, key_of(servo)))
 
     def _lease_changed(self, place: Place, holder: Holder | None) -> None:
         bus, servo = place

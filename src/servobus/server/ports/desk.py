@@ -39,7 +39,7 @@ from servobus.remote.managing import (
     WatchTraffic,
 )
 from servobus.safety.safe_stop import check_safe_action
-from servobus.server.ports.control import require
+from servobus.server.ports.control import Place, require
 from servobus.server.ports.events import Event
 from servobus.server.ports.served_bus import ServedBus, key_of, parse_key
 from servobus.server.ports.telemetry import Values, Wish, check_wish, overview
@@ -111,7 +111,7 @@ class Desk:
 
     def _info(self, served: ServedBus, servo: AsyncBusServo) -> ServoInfo:
         key = key_of(servo)
-        holder, stop = self._control.leases.holder((served.name, key)), served.latch.stopped(key)
+        holder, stop = self._control.leases.holder(Place(served.name, key)), served.latch.stopped(key)
         return ServoInfo(
             key,
             servo.model.key(),
