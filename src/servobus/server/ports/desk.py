@@ -8,7 +8,8 @@ import asyncio
 import weakref
 from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any, Protocol
 
 from servobus.bus.asyncio import AsyncBusServo
 from servobus.bus.servo import Servo
@@ -39,21 +40,31 @@ from servobus.remote.managing import (
     WatchTraffic,
 )
 from servobus.safety.safe_stop import check_safe_action
-from servobus.server.ports.control import Place, require
-from servobus.server.ports.events import Event
+from servobus.server.ports.control import Control, Place, require
+from servobus.server.ports.events import Event, Events
 from servobus.server.ports.served_bus import ServedBus, key_of, parse_key
+from servobus.server.ports.service import Connection, Service
 from servobus.server.ports.telemetry import Values, Wish, check_wish, overview
 from servobus.transports.tap import Chunk
 
-if TYPE_CHECKING:
-    from servobus.server.ports.owner import PortOwner
-    from servobus.server.ports.service import Connection
+
+class Ports(Protocol):
+    """What a desk needs of the owner of the ports."""
+
+    buses: dict[str, ServedBus]
+    control: Control
+    events: Events
+    service: Service
+    boxes: Path
+
+    def open_bus(self, name: str, port: str, *, by: str = "") -> ServedBus: ...
+    async def close_bus(self, name: str, *, by: str = "") -> None: ...
 
 
 class Desk:
     """Answers the requests of all connections of a server."""
 
-    def __init__(self, owner: "PortOwner") -> None:
+    def __init__(self, owner: Ports) -> None:
         self._owner, self._control = owner, owner.control
         self._watching: weakref.WeakKeyDictionary[Connection, dict[str, Callable[[], object]]] = (
             weakref.WeakKeyDictionary()
@@ -79,19 +90,19 @@ class Desk:
 
     # Who may move what
 
-    def _take_lease(self, connection: "Connection", asked: TakeLease) -> None:
+    def _take_lease(self, connection: Connection, asked: TakeLease) -> None:
         self._control.take(connection.who, asked.bus, asked.servos, over=asked.over)
         connection.tell(Done(asked.n))
 
-    def _end_lease(self, connection: "Connection", asked: EndLease) -> None:
+    def _end_lease(self, connection: Connection, asked: EndLease) -> None:
         self._control.end_leases(connection.who, asked.bus, asked.servos or None)
         connection.tell(Done(asked.n))
 
-    def _resume(self, connection: "Connection", asked: Resume) -> None:
+    def _resume(self, connection: Connection, asked: Resume) -> None:
         self._control.resume(connection.who, asked.bus, asked.servos or None)
         connection.tell(Done(asked.n))
 
-    def _stop(self, connection: "Connection", asked: StopServos) -> None:
+    def _stop(self, connection: Connection, asked: StopServos) -> None:
         names = [asked.bus] if asked.bus else list(self._owner.buses)
         if asked.servos and not asked.bus:
             raise UsageError("servos that are to be stopped stand with their bus")
@@ -105,7 +116,7 @@ class Desk:
 
     # Who is there
 
-    def _list(self, connection: "Connection", asked: ListServos) -> None:
+    def _list(self, connection: Connection, asked: ListServos) -> None:
         served = self._control.bus(asked.bus)
         connection.tell(Servos(asked.n, tuple(self._info(served, servo) for servo in served.bus)))
 
@@ -120,7 +131,7 @@ class Desk:
             stop.by if stop is not None else "",
         )
 
-    def _introduce(self, connection: "Connection", asked: Introduce) -> None:
+    def _introduce(self, connection: Connection, asked: Introduce) -> None:
         require(connection.who, "operator")
         served = self._control.bus(asked.bus)
         family, id, baud = parse_key(asked.servo)
@@ -132,19 +143,19 @@ class Desk:
             servo.permit.safe_action = check_safe_action(asked.safe_action, [servo.target])  # type: ignore[arg-type] # it raises for what is none
         connection.tell(Done(asked.n))
 
-    def _open(self, connection: "Connection", asked: OpenBus) -> None:
+    def _open(self, connection: Connection, asked: OpenBus) -> None:
         require(connection.who, "operator")
         self._owner.open_bus(asked.bus, asked.port, by=connection.who.name)
         connection.tell(Done(asked.n))
 
-    def _close(self, connection: "Connection", asked: CloseBus) -> None:
+    def _close(self, connection: Connection, asked: CloseBus) -> None:
         require(connection.who, "operator")
         self._control.bus(asked.bus)
         connection.begin(asked.n, _done(asked.n, self._owner.close_bus(asked.bus, by=connection.who.name)))
 
     # What is to be seen
 
-    def _subscribe(self, connection: "Connection", asked: Subscribe) -> None:
+    def _subscribe(self, connection: Connection, asked: Subscribe) -> None:
         served = self._control.bus(asked.bus)
         wanted: dict[Servo, tuple[str, ...]] = {}
         for one in asked.servos:
@@ -154,13 +165,13 @@ class Desk:
         self._watch(connection, f"telemetry {asked.bus}", partial(served.telemetry.unsubscribe, connection))
         connection.tell(Done(asked.n))
 
-    def _unsubscribe(self, connection: "Connection", asked: Unsubscribe) -> None:
+    def _unsubscribe(self, connection: Connection, asked: Unsubscribe) -> None:
         self._unwatch(connection, f"telemetry {asked.bus}")
         connection.tell(Done(asked.n))
 
     def show(
         self,
-        connection: "Connection",
+        connection: Connection,
         served: ServedBus,
         now: float,
         seen: Mapping[Servo, Values],
@@ -173,7 +184,7 @@ class Desk:
         silent = [Seen(key_of(servo), (), why) for servo, why in lost.items()]
         connection.tell(Telemetry(served.name, now, (*answered, *silent)))
 
-    def _watch_traffic(self, connection: "Connection", asked: WatchTraffic) -> None:
+    def _watch_traffic(self, connection: Connection, asked: WatchTraffic) -> None:
         served = self._control.bus(asked.bus)
         what = f"traffic {asked.bus}"
         self._unwatch(connection, what)
@@ -191,7 +202,7 @@ class Desk:
             self._watch(connection, what, served.listen(carried))
         connection.tell(Done(asked.n))
 
-    def _watch_events(self, connection: "Connection", asked: WatchEvents) -> None:
+    def _watch_events(self, connection: Connection, asked: WatchEvents) -> None:
         def told(event: Event) -> None:
             connection.tell(
                 Happened(event.number, event.time, event.what, event.bus, event.servo, event.by, event.data)
@@ -202,7 +213,7 @@ class Desk:
         for event in self._owner.events.past(asked.after):
             told(event)
 
-    def _save(self, connection: "Connection", asked: SaveBox) -> None:
+    def _save(self, connection: Connection, asked: SaveBox) -> None:
         require(connection.who, "operator")
         served = self._control.bus(asked.bus)
 
@@ -215,7 +226,7 @@ class Desk:
 
     # What a connection watches ends with it
 
-    def _watch(self, connection: "Connection", what: str, end: Callable[[], object]) -> None:
+    def _watch(self, connection: Connection, what: str, end: Callable[[], object]) -> None:
         self._unwatch(connection, what)
         ends = self._watching.get(connection)
         if ends is None:
@@ -223,12 +234,12 @@ class Desk:
             connection.at_end.append(partial(self._forget, connection))
         ends[what] = end
 
-    def _unwatch(self, connection: "Connection", what: str) -> None:
+    def _unwatch(self, connection: Connection, what: str) -> None:
         end = self._watching.get(connection, {}).pop(what, None)
         if end is not None:
             end()
 
-    def _forget(self, connection: "Connection") -> None:
+    def _forget(self, connection: Connection) -> None:
         for end in self._watching.pop(connection, {}).values():
             end()
 
