@@ -11,6 +11,7 @@ connection and the message. A function that needs time answers through `Connecti
 
 import asyncio
 import hmac
+import logging
 import secrets
 import ssl
 from collections.abc import Callable, Coroutine, Mapping
@@ -296,6 +297,10 @@ class Connection(asyncio.Protocol):
         try:
             handler(self, message)
         except ServobusError as error:
+            self.tell(Failed(n or 0, fault(error)))
+        except Exception as error:
+            # A fault of the server must not end the connection: with it all that its client drives would be stopped.
+            logging.getLogger("servobus").exception("a request of %s failed", session.name)
             self.tell(Failed(n or 0, fault(error)))
 
     # The first words

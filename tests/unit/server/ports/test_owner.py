@@ -299,9 +299,9 @@ def test_the_black_box_is_a_recording_with_events(server: Owned) -> None:
 
 def test_buses_come_and_go_while_others_work(server: Owned) -> None:
     async def open_and_close(client: Client) -> None:
-        await client.ask(OpenBus, bus="leg", port="virtual:lx16a@1")
+        await client.ask(OpenBus, bus="leg", port="virtual:rx28@1")
         with pytest.raises(UsageError, match="there is a bus 'leg' already"):
-            await client.ask(OpenBus, bus="leg", port="virtual:lx16a@1")
+            await client.ask(OpenBus, bus="leg", port="virtual:rx28@1")
         with pytest.raises(PortError):
             await client.ask(OpenBus, bus="foot", port="/dev/no-such-port")
         assert (await client.ask(ListServos, bus="leg")).servos == ()
