@@ -65,6 +65,16 @@ class Hosted:
 
         return asyncio.run_coroutine_threadsafe(done(), self._loop).result(PATIENCE)
 
+    def add(self, port: Transport, *, echo: bool | None = None) -> str:
+        """Serve one more port from now on; give its name."""
+        name = f"bus{len(self.service.buses)}"
+
+        def work() -> None:
+            self.service.buses[name] = AsyncBus(port, echo=echo)
+
+        self.told(work)
+        return name
+
     async def _serve(self) -> None:
         self._loop, self._over = asyncio.get_running_loop(), asyncio.Event()
         buses = {
@@ -78,7 +88,7 @@ class Hosted:
         self.service.close()
         server.close()
         await server.wait_closed()
-        for bus in buses.values():
+        for bus in self.service.buses.values():
             bus.close()
 
 
