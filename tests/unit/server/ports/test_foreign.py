@@ -117,7 +117,7 @@ class Gate(PermitAll):
         exchange: Exchange[Any],
         baud: int,
         asked: float,
-        priority: Priority = Priority.READ,
+        priority: Priority = Priority.READ,  # noqa: ARG002 - foreign programs tell none
     ) -> None:
         assert (bus, baud > 0, asked > 0) == ("arm", True, True)
         if self.refuses(exchange):
