@@ -138,7 +138,9 @@ class BusSteps:
                 self._lapse = None
             turn = self._talking = await self._turn(request)
             for exchange in asked:
-                self._gate.admit(self._who, self._name, exchange, request.baud, request.time)
+                self._gate.admit(
+                    self._who, self._name, exchange, request.baud, request.time, Priority(request.priority)
+                )
             before = self._counters(asked, request.baud)
             came = await self._do(turn, step, request.baud)
             answer = self._answer(request, step, came, before)
