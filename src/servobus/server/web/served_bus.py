@@ -24,7 +24,7 @@ from servobus.server.web.feeds import Events, Feed
 from servobus.server.web.holders import Holder
 from servobus.server.web.jobs import Jobs, ServerJob
 from servobus.server.web.poller import LONGEST, OVERVIEW, SHORTEST, Poller, Rows
-from servobus.server.web.values import key_of, raw_value, servo_of
+from servobus.server.web.values import Held, key_of, raw_value, servo_of
 
 T = TypeVar("T")
 
@@ -132,12 +132,26 @@ class ServedBus:
 
     # Registers
 
-    async def registers(self, key: str) -> list[dict[str, Any]]:
-        """Give the whole table of a servo: each row with its value, None where this servo lacks it."""
+    async def table(self, key: str) -> dict[Register[Any], Held]:
+        """Read the whole table of a servo: each row that can be read, with what acts and what survives power-off."""
         servo = self.servo(key)
         raws = await self._asked(self.bus.do(read_table(servo.target), servo.baud))
+        copied = [row for row, raw in raws.items() if raw is not None and row.place.has_working_copy]
+        stored = await self._read(servo, copied, stored=True)
+        return {row: Held(raw, stored.get(row)) for row, raw in raws.items()}
+
+    async def registers(self, key: str) -> list[dict[str, Any]]:
+        """Give the whole table of a servo: each row with its value, None where this servo lacks it.
+
+        `stored` is what survives power-off, where that is a copy of its own.
+        """
         return [
-            {**si_register_entry(row), "now": None if raw is None else si_entry(row, raw)} for row, raw in raws.items()
+            {
+                **si_register_entry(row),
+                "now": None if held.now is None else si_entry(row, held.now),
+                "stored": None if held.stored is None else si_entry(row, held.stored),
+            }
+            for row, held in (await self.table(key)).items()
         ]
 
     async def read(self, key: str, names: Sequence[str], *, stored: bool = False) -> dict[str, Any]:
