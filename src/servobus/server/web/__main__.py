@@ -8,6 +8,7 @@ variable of the environment. It says on its standard output where it listens, on
 import asyncio
 import contextlib
 import gc
+import importlib.util
 import json
 import os
 import socket
@@ -45,6 +46,10 @@ def serve(config: WebConfig, *, until: Callable[[Callable[[], None]], None] | No
         raise UsageError(f"{error.name} is not installed: install servobus[server]") from None
     listener = _listener(config)
     application = WebApplication(config)
+    if importlib.util.find_spec("nicegui") is not None:  # the extra `server` alone has the API and no pages
+        from servobus.server.web.page import mount  # noqa: PLC0415
+
+        mount(application)
     application.listens(listener.getsockname()[1])
     server = uvicorn.Server(
         uvicorn.Config(
