@@ -36,7 +36,7 @@ async def rig(**changes: Any) -> AsyncIterator[Rig]:
     """Open an application on virtual servos; `changes` are those of its configuration."""
     config = WebConfig(**{"start_token": START, "local_token": LOCAL, "buses": {"bench": SPEC}, **changes})
     made = Rig(config)
-    async with made.web.api.router.lifespan_context(made.web.api):
+    async with made.web:
         if "bench" in made.service.buses:
             bus = made.service.bus("bench").bus
             for key in KEYS:
