@@ -103,6 +103,8 @@ def _name(port: str | PathLike[str]) -> str:
         raise UsageError(f"{port!r:.40} is no name of a port; one is /dev/ttyUSB0, COM4 or virtual:rx28@1-4")
     if not given.strip():
         raise UsageError("the name of the port is empty; `servobus ports` lists what is plugged in")
+    if "\0" in given:
+        raise UsageError(f"{given!r:.60} is no name of a port: a name has no NUL in it")
     if match := re.match(r"(socket|rfc2217)://([^/?#]*)", given):
         number = match[2].rpartition(":")[2]
         if not number.isdecimal() or not 0 < int(number) < 1 << 16 or len(number) == len(match[2].lstrip(":")):

@@ -25,7 +25,7 @@ from servobus.server.web import entrance
 from servobus.server.web.auth import FRESH, Authority, Login, LoginRefused, Role
 from servobus.server.web.headers import protected, with_nonces
 from servobus.server.web.rates import Rates
-from servobus.server.web.rules import SMALL, Rule, rule_for
+from servobus.server.web.rules import SMALL, Rule, is_known, rule_for
 
 Headers: TypeAlias = dict[bytes, bytes]
 
@@ -134,7 +134,8 @@ class Guard:
         if rule is None:
             if login is None:
                 raise _no_login()
-            raise Refusal(404 if method in ("GET", "HEAD") else 405, "NotAllowed", f"{method} is not possible here")
+            status, kind = (405, "NotAllowed") if is_known(scope["path"]) else (404, "NotFound")
+            raise Refusal(status, kind, f"{method} is not possible here")
         if rule.role is None:
             return login, rule
         if login is None:

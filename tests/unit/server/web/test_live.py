@@ -106,7 +106,7 @@ def test_telemetry_is_what_the_client_has_chosen() -> None:
             while set((await said(client, "telemetry"))["servos"]) != set(KEYS):
                 pass
             await ask(client, k="unsubscribe", bus="bench")
-            wrong = {
+            wrong: dict[str, dict[str, Any]] = {
                 "UnknownName": {"k": "subscribe", "bus": "bench", "servos": {"99": []}, "period": 1.0},
                 "BadValue": {"k": "subscribe", "bus": "bench", "period": 0.0},
                 "BadRequest": {"k": "subscribe", "bus": "bench", "period": "x"},
@@ -262,7 +262,7 @@ def test_both_sockets_are_refused_over_the_network_too() -> None:
                     ({"host": "evil.example"}, 421),
                 ):
                     with pytest.raises(InvalidStatus) as refused:
-                        async with made.connect(path=path, **headers):
+                        async with made.connect(Role.OPERATOR, path, **headers):
                             pass
                     assert refused.value.response.status_code in (status, 400)
 
