@@ -1,7 +1,8 @@
 """From the name of a port to a bus.
 
-A port is a device path (`/dev/ttyUSB0`), `COM4`, `socket://host:port`, `rfc2217://host:port`, or
-`virtual:SPEC` for virtual servos in this process, such as `virtual:rx28@1-4,lx16a@7`.
+A port is a device path (`/dev/ttyUSB0`), `COM4`, `socket://host:port`, `rfc2217://host:port`,
+`virtual:SPEC` for virtual servos in this process, such as `virtual:rx28@1-4,lx16a@7`, or a bus that a server of ours
+shares: `servobus://host:port/name`, `servobus:///name` for a server of this user on this computer.
 """
 
 import re
@@ -14,6 +15,7 @@ from servobus.core.arguments import check_bauds
 from servobus.errors import PortError, UsageError
 from servobus.families.record import SafeAction
 from servobus.jobs.scan import Models, check_models
+from servobus.remote.address import SCHEME, Address
 from servobus.safety.safe_stop import check_safe_action
 from servobus.transports.base import Transport
 
@@ -74,9 +76,20 @@ def transport(port: str | PathLike[str], speeds: tuple[int, ...] | None = None) 
         from servobus.virtual.serve.inprocess import connect  # noqa: PLC0415 - real ports need no virtual servos
 
         return connect(port)
+    if port.startswith(SCHEME):
+        from servobus.remote.port import RemotePort  # noqa: PLC0415 - most ports belong to this process
+
+        return RemotePort(Address.parse(port))
     from servobus.transports.serial_port import SerialPort  # noqa: PLC0415 - virtual servos need no pyserial
 
-    return SerialPort(port, speeds[0] if speeds else FIRST_BAUD)
+    try:
+        return SerialPort(port, speeds[0] if speeds else FIRST_BAUD)
+    except PortError:
+        from servobus.remote.runtime import sharing  # noqa: PLC0415 - only ever needed for this message
+
+        if (shared := sharing(port)) is None:
+            raise
+        raise PortError(f"{port}: a server shares it, process {shared.pid}; open {shared.address} instead") from None
 
 
 def lasting_name(port: str) -> tuple[str, str]:
@@ -87,6 +100,10 @@ def lasting_name(port: str) -> tuple[str, str]:
     name = _name(port)
     if name.startswith(VIRTUAL):
         return name, ""
+    if name.startswith(SCHEME):
+        shared = transport(name)  # the server knows
+        shared.close()
+        return shared.lasting_name, ""
     from servobus.transports import usb_adapter  # noqa: PLC0415 - seldom wanted
 
     about = usb_adapter.access(name)
@@ -105,6 +122,8 @@ def _name(port: str | PathLike[str]) -> str:
         raise UsageError("the name of the port is empty; `servobus ports` lists what is plugged in")
     if "\0" in given:
         raise UsageError(f"{given!r:.60} is no name of a port: a name has no NUL in it")
+    if given.startswith(SCHEME):
+        Address.parse(given)
     if match := re.match(r"(socket|rfc2217)://([^/?#]*)", given):
         number = match[2].rpartition(":")[2]
         if not number.isdecimal() or not 0 < int(number) < 1 << 16 or len(number) == len(match[2].lstrip(":")):

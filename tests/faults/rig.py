@@ -56,7 +56,7 @@ class FaultRig:
     ) -> None:
         self.model, self.sample = MODELS[key], sample_of(key)
         self.port = Port(f"virtual:{key}@{ids}?clock=virtual{options}")
-        self.bus: Any = (AsyncBus if driver == ASYNC else Bus)(self.port, echo=echo)
+        self.bus: Any = self._bus(driver, echo)
         if answers is None:
             answers = answer_levels(self.model)[-1]
         if can_be_silenced(self.model):
@@ -69,6 +69,10 @@ class FaultRig:
         self._turned = 0
         if settle:
             self.read()  # finds out about the echo
+
+    def _bus(self, driver: str, echo: bool | None) -> Any:
+        """Make the driver."""
+        return (AsyncBus if driver == ASYNC else Bus)(self.port, echo=echo)
 
     @property
     def reals(self) -> list[VirtualServo]:

@@ -190,7 +190,11 @@ class AsyncBus(Awaiting, BaseBus[AsyncBusServo]):
         It begins at once, in a thread beside the event loop; await what is given to see its end, which no cancellation
         delays or prevents. See `Bus.make_safe`.
         """
-        return self._beside_the_loop(partial(self.safety.make_safe, action, interrupt=interrupt))
+
+        def work() -> None:
+            self.safety.make_safe(action, interrupt=interrupt)
+
+        return self._beside_the_loop(work)
 
     async def do(self, job: Job[T], baud: int | None = None, *, priority: Priority = Priority.READ) -> T:
         """Carry out any job, an exchange or a procedure, at this speed or at the one in use; see `Bus.do`."""

@@ -209,6 +209,7 @@ class Verb(click.Command):
 def app() -> None:
     """Drive smart serial-bus servos, and be them.
 
-    A PORT is a device path (/dev/ttyUSB0), COM4, socket://host:port, rfc2217://host:port, or virtual:SPEC
-    for virtual servos inside the command, such as virtual:rx28@1-4,lx16a@7. Angles are degrees.
+    A PORT is a device path (/dev/ttyUSB0), COM4, socket://host:port, rfc2217://host:port, virtual:SPEC
+    for virtual servos inside the command, such as virtual:rx28@1-4,lx16a@7, or servobus:///NAME for a bus that
+    a server shares. Angles are degrees.
     """

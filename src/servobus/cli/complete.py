@@ -21,10 +21,12 @@ def ports(_ctx: click.Context, _param: click.Parameter, incomplete: str) -> list
     from serial.tools import list_ports  # noqa: PLC0415 - only this needs it
 
     from servobus import MODELS  # noqa: PLC0415 - as all that is servobus, slow beside the rest
+    from servobus.remote.runtime import servers  # noqa: PLC0415
 
     plugged = [CompletionItem(port.device, help=port.description) for port in list_ports.comports()]
     stable = [CompletionItem(str(link)) for link in sorted(BY_ID.iterdir())] if BY_ID.is_dir() else []
-    known = plugged + stable + [CompletionItem(f"virtual:{name}@1", help="a virtual servo") for name in MODELS]
+    shared = [CompletionItem(f"servobus:///{name}", help=port) for one in servers() for name, port in one.buses]
+    known = plugged + stable + shared + [CompletionItem(f"virtual:{name}@1", help="a virtual servo") for name in MODELS]
     offered = [item for item in known if item.value.startswith(incomplete)]
     # A shell that is told of files completes them as it always does: links to terminals, a /dev/tty not listed here.
     if not offered or "/" in incomplete:

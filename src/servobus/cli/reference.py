@@ -15,13 +15,17 @@ from servobus.cli.remember import who_of
 from servobus.errors import UsageError
 from servobus.families import registry
 from servobus.families.present import figure, model_entry, model_lines, supply_text
+from servobus.remote.address import Address
+from servobus.remote.runtime import servers
 from servobus.transports import usb_adapter
 
 
 @verb("ports", "servobus ports", "servobus ports --json")
 @as_json
 def ports(json: bool) -> None:
-    """List the serial ports of this computer, and what is remembered of the servos on each. Opens none of them.
+    """List the ports of this computer, and what is remembered of the servos on each. Opens none of them.
+
+    These are its serial ports, and the buses that servers of this user share.
 
     Ports that are not of this computer, or not plugged in, are listed behind the others if anything is remembered.
     """
@@ -37,6 +41,11 @@ def ports(json: bool) -> None:
         name = usb_adapter.lasting_name(port.device, usb_adapter.described(port))
         entry = {"port": port.device, "description": _known(port.description), "hardware": _known(port.hwid)}
         found.append({**entry, "remembered": _models(kept.pop(name, {})), "listed": True})
+    for server in servers():
+        for name, opened in server.buses:
+            about = f"{opened}, shared by process {server.pid}"
+            entry = {"port": str(Address("", 0, name)), "description": about, "hardware": ""}
+            found.append({**entry, "remembered": {}, "listed": True})
     if json:
         for name, table in kept.items():
             if models := _models(table):

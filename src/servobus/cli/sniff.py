@@ -95,6 +95,8 @@ def sniff(
         raise UsageError("--app needs a pseudo terminal, and Windows has none; listen with a second adapter instead")
     if app is None and port.startswith("virtual:"):
         raise UsageError(f"{port} has nobody that talks; --app gives an application a way to it")
+    if port.startswith("servobus://"):
+        raise UsageError(f"{port} is shared by a server, which alone sees its bytes; sniff a port of this computer")
     known_family, known_model = find_family_and_model(family, model)
     speed = baud or _factory_baud(known_family, known_model)
     head = Header(

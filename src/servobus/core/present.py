@@ -39,14 +39,19 @@ def decoded_json(register: Register[Any], value: Any) -> Any:
 
 def si_value(register: Register[Any], raw: int) -> Any:
     """Give a value for programs, in SI units; else as `json_value`, but a set of flags as a list of names."""
-    if not register.holds(raw):
-        return None
+    try:
+        value = register.decode(raw)
+    except ValueError:
+        return raw if register.holds(raw) else None
+    return decoded_si(register, value)
+
+
+def decoded_si(register: Register[Any], value: Any) -> Any:
+    """Give a value that was read for programs; see `si_value`."""
     scale = register.scale
     if isinstance(scale, Flags):
-        return scale.show(scale.decode(raw)).split("+") if raw else []
-    if isinstance(scale, Measure):
-        return register.decode(raw)
-    return json_value(register, raw)
+        return scale.show(value).split("+") if value else []
+    return scale.show(value) if isinstance(scale, Choice) else value
 
 
 def si_entry(register: Register[Any], raw: int) -> dict[str, Any]:

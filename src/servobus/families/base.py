@@ -494,6 +494,10 @@ class Family(ABC):
         """
         return Effect(tuple(Touch(id, Kind.DRIVES) for id in self.concerns(packet)))
 
+    def told_alarms(self, answer: Packet) -> int | None:  # noqa: ARG002 - the answers of some families carry none
+        """Give the alarm bits that an answer carries; None in a family whose answers carry none."""
+        return None
+
     @abstractmethod
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
         """Tell what replies a packet asks for, as far as listening tells.

@@ -15,6 +15,8 @@ from typing import Any, Self
 
 from servobus.core.values import frozen
 from servobus.errors import PortError
+from servobus.remote.address import Address
+from servobus.transports import usb_adapter
 from servobus.transports.file_lock import lock, open_locked
 
 NAME = "server-{}.json"
@@ -103,7 +105,7 @@ def servers() -> Iterator[Server]:
         return
     for path in paths:
         if not _is_dead(path):
-            with suppress(OSError, ValueError, KeyError, TypeError):
+            with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):  # what is no such file
                 yield _read(json.loads(path.read_text(encoding="utf-8")))
 
 
@@ -123,6 +125,31 @@ def find_server(bus: str) -> Server:
         raise PortError(f"servobus:///{bus}: no server of yours runs here; `servobus serve PORT` starts one")
     said = "several servers have such a bus; write servobus://HOST:PORT/NAME" if found else "no such bus"
     raise PortError(f"servobus:///{bus}: {said}; there are: {there or 'none'}")
+
+
+@frozen
+class Shared:
+    """A port that a server of this user has opened for others: its process, and what to open instead."""
+
+    pid: int
+    address: str
+
+
+def sharing(port: str) -> Shared | None:
+    """Tell which server of this user has a port open, whatever its name is; None if none has."""
+    running = list(servers())
+    wanted = _real(port)
+    for server in running:
+        for name, opened in server.buses:
+            if _real(opened) == wanted:
+                unique = sum(name in dict(one.buses) for one in running) == 1
+                where = Address("", 0, name) if unique else Address(server.host, server.port, name)
+                return Shared(server.pid, str(where))
+    return None
+
+
+def _real(port: str) -> str:
+    return usb_adapter.real_name(port) if usb_adapter.is_device(port) else port
 
 
 def _is_dead(path: Path) -> bool:

@@ -155,14 +155,14 @@ class SafeStop:
 
     def make_safe(
         self, action: SafeAction | None = None, servos: Sequence[Joint] | None = None, *, interrupt: bool = False
-    ) -> None:
+    ) -> list[str]:
         """Run the safe action, or this one, of each of these servos (all by default) that this bus drives.
 
-        Blocks until it is done. Each is tried even if another fails; what fails is told through `logging`.
-        `interrupt` takes the line at once from whatever has it.
+        Blocks until it is done. Each is tried even if another fails; gives what failed in words, and tells it through
+        `logging`. `interrupt` takes the line at once from whatever has it.
         """
         with signals.undisturbed(ending=False):
-            self._make_safe(action, list(self._servos() if servos is None else servos), interrupt=interrupt)
+            return self._make_safe(action, list(self._servos() if servos is None else servos), interrupt=interrupt)
 
     def _make_safe(self, action: SafeAction | None, servos: Sequence[Joint], *, interrupt: bool) -> list[str]:
         """Make servos safe; tell what could not be done, or was not what was asked for, and give that."""

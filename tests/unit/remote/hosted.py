@@ -3,6 +3,7 @@
 import asyncio
 import threading
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -12,10 +13,11 @@ from servobus.connect import transport
 from servobus.remote.address import Address
 from servobus.remote.port import RemotePort
 from servobus.server.ports.gate import Gate
+from servobus.server.ports.owner import PortOwner
 from servobus.server.ports.service import Service
 from servobus.transports.base import Transport
 
-TOKEN = "open sesame"
+TOKEN, VIEWER = "open sesame", "only look"
 PATIENCE = 30.0
 """s; a limit against hanging, and never a measurement."""
 
@@ -63,6 +65,16 @@ class Hosted:
 
         return asyncio.run_coroutine_threadsafe(done(), self._loop).result(PATIENCE)
 
+    def add(self, port: Transport, *, echo: bool | None = None) -> str:
+        """Serve one more port from now on; give its name."""
+        name = f"bus{len(self.service.buses)}"
+
+        def work() -> None:
+            self.service.buses[name] = AsyncBus(port, echo=echo)
+
+        self.told(work)
+        return name
+
     async def _serve(self) -> None:
         self._loop, self._over = asyncio.get_running_loop(), asyncio.Event()
         buses = {
@@ -76,5 +88,29 @@ class Hosted:
         self.service.close()
         server.close()
         await server.wait_closed()
-        for bus in buses.values():
+        for bus in self.service.buses.values():
             bus.close()
+
+
+class Owned(Hosted):
+    """As `Hosted`, with all that the owner of the ports does for its clients."""
+
+    def __init__(self, ports: Mapping[str, str], boxes: Path) -> None:
+        super().__init__(ports)
+        self._boxes = boxes
+        self.owner: PortOwner
+
+    async def _serve(self) -> None:
+        self._loop, self._over = asyncio.get_running_loop(), asyncio.Event()
+        self.owner = PortOwner({TOKEN: "operator", VIEWER: "viewer"}, boxes=self._boxes)
+        self.service = self.owner.service
+        for name, port in self._ports.items():
+            assert isinstance(port, str)
+            self.owner.open_bus(name, port)
+        server = await self.service.listen("127.0.0.1", 0)
+        self.port = server.sockets[0].getsockname()[1]
+        self._ready.set()
+        await self._over.wait()
+        server.close()
+        await self.owner.close()
+        await server.wait_closed()

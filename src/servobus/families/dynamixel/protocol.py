@@ -280,7 +280,8 @@ _ALARM_BITS = int(ALARMS)
 _NONE = Error(0)
 
 
-def _alarms(packet: Packet) -> Error:
+def alarms_of(packet: Packet) -> Error:
+    """Give the alarm bits of a status packet."""
     bits = packet.code & _ALARM_BITS
     return Error(bits) if bits else _NONE  # making flags costs time, and mostly there are none
 
@@ -308,7 +309,7 @@ def _exchange(what: str, message: Instruction, *, answered: bool, repeatable: bo
         encode(message),
         interpret if answered else ack_only,
         ReplyPattern(message.id, None, (0,)) if answered else None,
-        _alarms,
+        alarms_of,
         LONGEST_DELAY,
         repeatable=repeatable,
     )
@@ -346,7 +347,7 @@ def read_data(id: int, address: int, length: int, *, bulk: bool = False) -> Exch
         encode(ReadData(id, address, length)),
         interpret,
         reply,
-        _alarms,
+        alarms_of,
         LONGEST_DELAY,
         repeatable=True,
         joins=joined_reads if bulk else None,

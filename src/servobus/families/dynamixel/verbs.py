@@ -20,6 +20,7 @@ from servobus.families.dynamixel.protocol import (
     FRAMING,
     RX_BUFFER,
     Error,
+    alarms_of,
     joined_reads,
     ping,
     read_data,
@@ -426,6 +427,9 @@ class Dynamixel1(Family):
 
     def effect(self, packet: Packet, model_of: Callable[[int], type[Model] | None]) -> Effect:
         return listening.effect(packet, model_of)
+
+    def told_alarms(self, answer: Packet) -> int:
+        return int(alarms_of(answer))
 
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
         return listening.replies_to(packet)

@@ -458,7 +458,7 @@ def exchange(
     repeatable: bool = True,
 ) -> Exchange[T]:
     return Exchange(
-        what, FRAMING, encode(message), interpret, reply, _alarms, TURNAROUND if reply else 0.0, repeatable=repeatable
+        what, FRAMING, encode(message), interpret, reply, alarms_of, TURNAROUND if reply else 0.0, repeatable=repeatable
     )
 
 
@@ -490,7 +490,8 @@ def _reading(message: EepRead | RamRead) -> Exchange[bytes]:
 _NONE = StatusError(0)
 
 
-def _alarms(packet: Packet) -> StatusError:
+def alarms_of(packet: Packet) -> StatusError:
+    """Give the error bits of an ACK."""
     bits = packet.data[-2]
     return StatusError(bits) if bits else _NONE  # making flags costs time, and mostly there are none
 

@@ -38,6 +38,7 @@ from servobus.families.herkulex.protocol import (
     StatusDetail,
     StatusError,
     TorqueControl,
+    alarms_of,
     eep_read,
     exchange,
     i_jog,
@@ -377,6 +378,9 @@ class Herkulex(Family):
 
     def effect(self, packet: Packet, model_of: Callable[[int], type[Model] | None]) -> Effect:
         return listening.effect(packet, model_of)
+
+    def told_alarms(self, answer: Packet) -> int:
+        return int(alarms_of(answer))
 
     def replies_to(self, packet: Packet) -> tuple[ReplyPattern, ...] | None:
         return listening.replies_to(packet)

@@ -104,7 +104,7 @@ class PortEntry:
     path: str = key(
         Text("/dev/ttyUSB0"),
         'Where it is: "/dev/ttyUSB0", "/dev/serial/by-id/...", "usb:SERIAL", "COM4", "socket://pi.local:3333", '
-        '"virtual:rx28@1-4".',
+        '"virtual:rx28@1-4", "servobus:///arm" (a bus that a server shares).',
     )
     bauds: tuple[int, ...] | None = key(
         Speeds(1_000_000), "Speeds at which a search looks for servos, bit/s.", default=None

@@ -3,16 +3,26 @@
 from typing import Any, Protocol
 
 from servobus.core.exchange import Exchange
+from servobus.core.operation import Priority
 from servobus.server.ports.leases import Holder
 
 
 class Gate(Protocol):
     """Decides which requests go out. Its methods are called in the event loop and must not wait."""
 
-    def admit(self, who: Holder, bus: str, exchange: Exchange[Any], baud: int, asked: float) -> None:
+    def admit(
+        self,
+        who: Holder,
+        bus: str,
+        exchange: Exchange[Any],
+        baud: int,
+        asked: float,
+        priority: Priority = Priority.READ,
+    ) -> None:
         """Raise the ServobusError with which a request is refused; it goes out at once if nothing is raised.
 
-        asked  when it was asked for, by the clock of the event loop, s, as far as the one that asked knows that
+        asked     when it was asked for, by the clock of the event loop, s, as far as the one that asked knows that
+        priority  what it is for; STOP where it ends a motion
         """
 
     def carried_out(self, who: Holder, bus: str, exchange: Exchange[Any], baud: int, outcome: Any) -> None:
@@ -28,7 +38,15 @@ class Gate(Protocol):
 class PermitAll:
     """The gate of a server that everybody may use for everything."""
 
-    def admit(self, who: Holder, bus: str, exchange: Exchange[Any], baud: int, asked: float) -> None:
+    def admit(
+        self,
+        who: Holder,
+        bus: str,
+        exchange: Exchange[Any],
+        baud: int,
+        asked: float,
+        priority: Priority = Priority.READ,
+    ) -> None:
         """Refuse nothing."""
 
     def carried_out(self, who: Holder, bus: str, exchange: Exchange[Any], baud: int, outcome: Any) -> None:

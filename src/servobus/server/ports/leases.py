@@ -51,6 +51,10 @@ class Leases(Generic[K]):
         """Give who holds a servo."""
         return self._holders.get(servo)
 
+    def all(self) -> dict[K, Holder]:
+        """Give all servos that somebody holds, with who does."""
+        return dict(self._holders)
+
     def held_by(self, holder: Holder) -> list[K]:
         """Give the servos that one holds."""
         return [servo for servo, other in self._holders.items() if other is holder]

@@ -11,6 +11,7 @@ connection and the message. A function that needs time answers through `Connecti
 
 import asyncio
 import hmac
+import logging
 import secrets
 import ssl
 from collections.abc import Callable, Coroutine, Mapping
@@ -147,6 +148,8 @@ class Connection(asyncio.Protocol):
     def __init__(self, service: Service) -> None:
         self.service = service
         self.session: Session | None = None
+        self.at_end: list[Callable[[], object]] = []
+        """Called when the connection has ended."""
         self._loop = asyncio.get_running_loop()
         self._transport: asyncio.Transport | None = None
         self._buffer = b""
@@ -161,6 +164,12 @@ class Connection(asyncio.Protocol):
         self._counted_at = 0.0
 
     # For those who answer
+
+    @property
+    def who(self) -> Session:
+        """The session whose request is answered."""
+        assert self.session is not None
+        return self.session
 
     def tell(self, message: Any) -> None:
         """Send a message. A client that does not read what it is sent is closed."""
@@ -241,6 +250,8 @@ class Connection(asyncio.Protocol):
             steps.break_off("its client has gone")
         for task in list(self._tasks):
             task.cancel()
+        for end in self.at_end:
+            end()
         session = self.session
         if session is None:
             return
@@ -286,6 +297,10 @@ class Connection(asyncio.Protocol):
         try:
             handler(self, message)
         except ServobusError as error:
+            self.tell(Failed(n or 0, fault(error)))
+        except Exception as error:
+            # A fault of the server must not end the connection: with it all that its client drives would be stopped.
+            logging.getLogger("servobus").exception("a request of %s failed", session.name)
             self.tell(Failed(n or 0, fault(error)))
 
     # The first words

@@ -138,7 +138,9 @@ class BusSteps:
                 self._lapse = None
             turn = self._talking = await self._turn(request)
             for exchange in asked:
-                self._gate.admit(self._who, self._name, exchange, request.baud, request.time)
+                self._gate.admit(
+                    self._who, self._name, exchange, request.baud, request.time, Priority(request.priority)
+                )
             before = self._counters(asked, request.baud)
             came = await self._do(turn, step, request.baud)
             answer = self._answer(request, step, came, before)
@@ -148,10 +150,10 @@ class BusSteps:
             self._tell(Failed(request.n, fault(Stopped(f"{self._name}: {why}"))))
             raise
         except ServobusError as error:
-            self._tell(Failed(request.n, fault(error), self._counted(before, (), request.baud)))
             if turn is not None:
                 for exchange in asked:
                     self._gate.carried_out(self._who, self._name, exchange, request.baud, error)
+            self._tell(Failed(request.n, fault(error), self._counted(before, (), request.baud)))
         except Exception as error:  # noqa: BLE001 - a client must not end what serves the others
             _log(f"{self._name}: a request of {self._who.name} failed", error)
             self._tell(Failed(request.n, fault(error)))

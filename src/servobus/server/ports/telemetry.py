@@ -15,6 +15,7 @@ from typing import Any, Generic, TypeAlias, TypeVar
 from servobus.bus.asyncio import AsyncBus
 from servobus.bus.cycle import Cycle
 from servobus.bus.servo import Servo
+from servobus.core.exchange import Job
 from servobus.core.operation import Priority
 from servobus.core.values import frozen
 from servobus.errors import BadValue, PortError, ServobusError, UsageError
@@ -35,14 +36,21 @@ IDLE = 0.5
 
 Values: TypeAlias = dict[str, Any]
 """Register -> value in its unit."""
+Deliver: TypeAlias = Callable[[Hashable, float, Mapping[Servo, Values], Mapping[Servo, str]], object]
 
 
 @frozen
 class Wish(Generic[K]):
-    """What a client wants to see. `servos` gives the registers of each; `period` is in s."""
+    """What a client wants to see.
+
+    servos    servo -> names of its registers
+    period    s between two readings
+    everyone  whether an overview of all servos comes with it, also of those that are met later
+    """
 
     servos: Mapping[K, tuple[str, ...]]
     period: float
+    everyone: bool = False
 
 
 class _Subscription(Generic[K]):
@@ -118,14 +126,16 @@ class Telemetry:
 
     bus      the port
     deliver  is given a client, the time in s of the port's clock, servo -> values, and servo -> error of the silent
+    sent_as  puts a mark on what this sends
     """
 
     def __init__(
         self,
         bus: AsyncBus,
-        deliver: Callable[[Hashable, float, Mapping[Servo, Values], Mapping[Servo, str]], object],
+        deliver: Deliver,
+        sent_as: Callable[[Any], Job[Any]] = lambda job: job,
     ) -> None:
-        self._bus, self._deliver = bus, deliver
+        self._bus, self._deliver, self._sent_as = bus, deliver, sent_as
         self.subscriptions: Subscriptions[Servo] = Subscriptions()
         self._changed = asyncio.Event()
         self._cycles: dict[tuple[tuple[Servo, ...], tuple[str, ...]], Cycle] = {}
@@ -162,13 +172,14 @@ class Telemetry:
     async def _turn(self, due: Mapping[Hashable, Wish[Servo]]) -> None:
         seen: dict[Servo, Values] = {}
         lost: dict[Servo, str] = {}
-        known: set[Servo] = set(self._bus)
+        known = dict.fromkeys(self._bus)
+        due = {client: self._filled(wish) for client, wish in due.items()}
         wanted: dict[Servo, tuple[str, ...]] = {
             servo: names for servo, names in union(due.values()).items() if servo in known and names
         }
         for cycle in self._prepared(wanted):
             try:
-                result = await self._bus.do(cycle.run(), priority=Priority.SCAN)
+                result = await self._bus.do(self._sent_as(cycle.run()), priority=Priority.SCAN)
             except PortError:
                 raise
             except ServobusError as error:  # a stop took the line, or these servos can be asked nothing
@@ -180,6 +191,11 @@ class Telemetry:
         for client, wish in due.items():
             mine = {servo: text for servo, text in lost.items() if servo in wish.servos}
             self._deliver(client, now, share(wish, seen), mine)
+
+    def _filled(self, wish: Wish[Servo]) -> Wish[Servo]:
+        if not wish.everyone:
+            return wish
+        return Wish({servo: overview(servo) for servo in self._bus} | dict(wish.servos), wish.period)
 
     def _prepared(self, wanted: Mapping[Servo, tuple[str, ...]]) -> Iterator[Cycle]:
         """Give control cycles of a few servos of one kind each, for the same registers."""

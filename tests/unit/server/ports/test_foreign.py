@@ -17,6 +17,7 @@ import pytest
 import servobus
 from servobus.bus.asyncio import AsyncBus
 from servobus.core.exchange import Exchange
+from servobus.core.operation import Priority
 from servobus.errors import Held, NoReply, PortError, ServobusError
 from servobus.link.ownership import Turn
 from servobus.server.ports.foreign import ForeignPort, ForeignPty, ForeignTcp
@@ -109,7 +110,15 @@ class Gate(PermitAll):
         self.gone: list[Holder] = []
         self.refuses: Callable[[Exchange[Any]], bool] = lambda _: False
 
-    def admit(self, who: Holder, bus: str, exchange: Exchange[Any], baud: int, asked: float) -> None:
+    def admit(
+        self,
+        who: Holder,
+        bus: str,
+        exchange: Exchange[Any],
+        baud: int,
+        asked: float,
+        priority: Priority = Priority.READ,  # noqa: ARG002 - foreign programs tell none
+    ) -> None:
         assert (bus, baud > 0, asked > 0) == ("arm", True, True)
         if self.refuses(exchange):
             raise Held("held by somebody else", "somebody else")

@@ -10,7 +10,9 @@ from servobus.server.web.app import WebApplication
 from servobus.server.web.auth import Role
 from servobus.server.web.config import WebConfig
 
-SPEC = "virtual:rx28@1,2,drs0602@219,lx16a@3"
+REAL = "virtual:rx28@1,2,drs0602@219,lx16a@3"
+SPEC = f"{REAL}?clock=virtual"
+"""The same servos by the clock of the computer, and by one on which nobody waits."""
 BASE = "http://127.0.0.1:7380"
 START, LOCAL = "start-token-of-the-test", "local-token-of-the-test"
 KEYS = ("dynamixel:1@57600", "dynamixel:2@57600", "herkulex:219@115200", "lewansoul:3@115200")

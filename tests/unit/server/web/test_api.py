@@ -34,7 +34,7 @@ async def ended(client: httpx.AsyncClient, started: httpx.Response) -> dict[str,
 
 def test_a_scan_tells_what_it_finds_and_the_servos_are_known_then() -> None:
     async def main() -> None:
-        async with rig(buses={"b": "virtual:rx28@1,2,lx16a@3"}) as made, made.client() as client:
+        async with rig(buses={"b": "virtual:rx28@1,2,lx16a@3?clock=virtual"}) as made, made.client() as client:
             job = await ended(client, await client.post("/api/v1/buses/b/scan", json={"ids": [1, 2, 3]}))
             assert job["state"] == "done"
             assert [one["key"] for one in job["found"]] == [RX, RX2, LX]
@@ -249,9 +249,9 @@ def test_a_servo_that_does_not_answer_is_no_fault_of_the_server() -> None:
 def test_buses_come_and_go() -> None:
     async def main() -> None:
         async with rig() as made, made.client() as client:
-            opened = await client.post("/api/v1/buses", json={"name": "two", "port": "virtual:lx16a@5"})
+            opened = await client.post("/api/v1/buses", json={"name": "two", "port": "virtual:lx16a@5?clock=virtual"})
             assert opened.status_code == 201
-            again = await client.post("/api/v1/buses", json={"name": "two", "port": "virtual:lx16a@5"})
+            again = await client.post("/api/v1/buses", json={"name": "two", "port": "virtual:lx16a@5?clock=virtual"})
             assert again.status_code == 409
             assert (await client.delete("/api/v1/buses/two")).json() == {"ok": True}
             assert (await client.get("/api/v1/buses/two")).status_code == 404

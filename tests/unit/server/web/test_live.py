@@ -18,7 +18,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from servobus.server.web.__main__ import server_settings
 from servobus.server.web.auth import Role
 from servobus.server.web.feeds import MOST_FEEDS, MOST_WAITING, Events, Feed
-from unit.server.web.rig import KEYS, Rig, rig
+from unit.server.web.rig import KEYS, REAL, Rig, rig
 
 RX, RX2, _, LX = KEYS
 PATIENCE = 30.0
@@ -37,7 +37,7 @@ class Served(Rig):
 
 @contextlib.asynccontextmanager
 async def served(**changes: Any) -> AsyncIterator[Served]:
-    async with rig(**changes) as made:
+    async with rig(**{"buses": {"bench": REAL}, **changes}) as made:
         listener = socket.create_server(("127.0.0.1", 0))
         made.__class__ = Served
         assert isinstance(made, Served)

@@ -1,0 +1,246 @@
+"""What is said beyond the steps of procedures: who holds what, stops, what is to be seen, and what has happened.
+
+Servos are called by family, id and speed, as "dynamixel:1@57600", for an id alone tells no servo from another.
+"""
+
+from typing import TypeAlias
+
+from servobus.core.values import frozen
+from servobus.remote.messages import message
+
+Value: TypeAlias = bool | int | float | str | tuple[str, ...] | None
+
+
+@message("done")
+@frozen
+class Done:
+    """A request was carried out. `text` says what came of it, where there is something to say."""
+
+    n: int
+    text: str = ""
+
+
+# Who may move what
+
+
+@message("lease")
+@frozen
+class TakeLease:
+    """Hold these servos; with `over` also those that another one holds, and that are made safe then."""
+
+    n: int
+    bus: str
+    servos: tuple[str, ...]
+    over: bool = False
+
+
+@message("end_lease")
+@frozen
+class EndLease:
+    """Hold these servos no more, or with none named all that this session holds on the bus."""
+
+    n: int
+    bus: str
+    servos: tuple[str, ...] = ()
+
+
+@message("stop")
+@frozen
+class StopServos:
+    """Stop these servos, or all on the bus, or on all buses: whoever holds them. Nothing moves until `Resume`."""
+
+    n: int
+    bus: str = ""
+    servos: tuple[str, ...] = ()
+
+
+@message("resume")
+@frozen
+class Resume:
+    """Allow motion again, of these servos or of all on the bus."""
+
+    n: int
+    bus: str
+    servos: tuple[str, ...] = ()
+
+
+# Who is there
+
+
+@frozen
+class ServoInfo:
+    """A servo that was met.
+
+    model    key of its model
+    holder   name of who holds it; empty if nobody does
+    driven   whether somebody has set it in motion, or holds it with torque
+    stopped  who has stopped it, so that it must not move; empty if it may
+    """
+
+    key: str
+    model: str
+    holder: str
+    driven: bool
+    stopped: str
+
+
+@message("list")
+@frozen
+class ListServos:
+    """Ask which servos were met on a bus."""
+
+    n: int
+    bus: str
+
+
+@message("servos")
+@frozen
+class Servos:
+    """The servos that were met on a bus."""
+
+    n: int
+    servos: tuple[ServoInfo, ...]
+
+
+@message("introduce")
+@frozen
+class Introduce:
+    """Say of which model a servo is that cannot say it itself, and its safe action if it has one of its own."""
+
+    n: int
+    bus: str
+    servo: str
+    model: str
+    safe_action: str = ""
+
+
+@message("open")
+@frozen
+class OpenBus:
+    """Open a port, as a bus of this name."""
+
+    n: int
+    bus: str
+    port: str
+
+
+@message("close")
+@frozen
+class CloseBus:
+    """Make safe what is driven on a bus, and give its port back."""
+
+    n: int
+    bus: str
+
+
+# What is to be seen
+
+
+@frozen
+class Wanted:
+    """What is to be read of a servo; no register means what an overview shows."""
+
+    servo: str
+    registers: tuple[str, ...] = ()
+
+
+@message("subscribe")
+@frozen
+class Subscribe:
+    """See this on a bus from now on, each `period` s, in place of what this connection saw before.
+
+    With no servo named, an overview of all that were met, also of those that are met later.
+    """
+
+    n: int
+    bus: str
+    servos: tuple[Wanted, ...]
+    period: float
+
+
+@message("unsubscribe")
+@frozen
+class Unsubscribe:
+    """See no more of a bus."""
+
+    n: int
+    bus: str
+
+
+@frozen
+class Seen:
+    """What was read of a servo: registers and values in their units; `lost` says why it did not answer."""
+
+    servo: str
+    values: tuple[tuple[str, Value], ...]
+    lost: str = ""
+
+
+@message("telemetry")
+@frozen
+class Telemetry:
+    """What was read on a bus; `time` is that of the server's clock."""
+
+    bus: str
+    time: float
+    seen: tuple[Seen, ...]
+
+
+@message("watch_traffic")
+@frozen
+class WatchTraffic:
+    """See the bytes on a bus from now on, or no more."""
+
+    n: int
+    bus: str
+    on: bool
+
+
+@message("traffic")
+@frozen
+class Traffic:
+    """Bytes on a bus. `time` is s since its port was opened, `direction` ">" to the servos or "<" from them.
+
+    by      name of whose request it is, as far as that is known
+    missed  pieces that were left out before this one, for the client reads too slowly
+    """
+
+    bus: str
+    time: float
+    direction: str
+    data: bytes
+    by: str = ""
+    missed: int = 0
+
+
+@message("watch_events")
+@frozen
+class WatchEvents:
+    """Be told of all events from now on, and of those kept that have a higher number."""
+
+    n: int
+    after: int = 0
+
+
+@message("event")
+@frozen
+class Happened:
+    """Something has happened; see `servobus.server.ports.events.Event`. `data` is JSON."""
+
+    number: int
+    time: float
+    what: str
+    bus: str
+    servo: str
+    by: str
+    data: str
+
+
+@message("save")
+@frozen
+class SaveBox:
+    """Save the last minute of a bus as a recording; answered with its path."""
+
+    n: int
+    bus: str
+    why: str
