@@ -38,13 +38,13 @@ def main() -> int:
 
 def serve(config: WebConfig, *, until: Callable[[Callable[[], None]], None] | None = None) -> None:
     """Serve until the parent ends. Raises ServobusError for what cannot be served."""
+    listener = _listener(config)
     try:
-        import uvicorn  # noqa: PLC0415 - it takes its time, and the line of JSON is checked before
+        import uvicorn  # noqa: PLC0415 - it takes its time, and what is wrong is said before
 
         from servobus.server.web.app import WebApplication  # noqa: PLC0415
     except ImportError as error:
         raise UsageError(f"{error.name} is not installed: install servobus[server]") from None
-    listener = _listener(config)
     application = WebApplication(config)
     application.listens(listener.getsockname()[1])
     server = uvicorn.Server(server_settings(application))
