@@ -1,6 +1,6 @@
 """A soak: reads and writes by the million on lines where everything goes wrong, every value compared with the truth.
 
-    python -m bench.soak [--transactions N] [--seconds S] [--seed N] [--chunk N]
+    python -m bench.soak [--transactions N] [--seconds S] [--seed N] [--chunk N] [--shared]
 
 Virtual servos in this process, on a virtual clock; all three families, both drivers, every wire fault there is. Before
 each transaction a shaft is turned to another place by hand, so that a value from before can be told from the right
@@ -13,6 +13,8 @@ one. A value is
               exchanges (DuplicateId); only in the mixes where replies overtake each other, which no adapter does
     WRONG     anything else
 
+With `--shared` all goes through a server, over a socket: the driver is a client of it, and has no port itself.
+
 A write that was acknowledged and is not there is wrong too. A transaction of more than 5 s hangs, by the servos' clock
 or by yours. The work is cut into chunks with seeds of their own; whatever is wrong is printed with its chunk, and
 `--seed N --chunk N` does that chunk again. The exit code is 1 if anything was wrong or hung.
@@ -24,6 +26,7 @@ import faulthandler
 import os
 import random
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -143,11 +146,48 @@ class Doubt:
     left: int = TELLS
 
 
+class Sharing:
+    """A server in a thread of its own, whose one bus is on this port."""
+
+    def __init__(self, port: VirtualPort) -> None:
+        from servobus.server.ports.service import Service
+
+        os.environ["SERVOBUS_TOKEN"] = "soak"
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._thread.start()
+
+        async def begin() -> tuple[AsyncBus, Service, asyncio.Server]:
+            bus = AsyncBus(port)
+            service = Service({"soak": bus}, {"soak": "operator"})
+            return bus, service, await service.listen("127.0.0.1", 0)
+
+        self.bus, self._service, self._server = asyncio.run_coroutine_threadsafe(begin(), self._loop).result()
+
+    def client(self) -> Any:
+        """Give a port that goes through it."""
+        from servobus.remote.address import Address
+        from servobus.remote.port import RemotePort
+
+        return RemotePort(Address("127.0.0.1", self._server.sockets[0].getsockname()[1], "soak"))
+
+    def close(self) -> None:
+        async def end() -> None:
+            self._service.close()
+            self._server.close()
+            await asyncio.sleep(0)
+
+        asyncio.run_coroutine_threadsafe(end(), self._loop).result()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+
 class Chunk:
     """A bus of three servos, and what is asked of them; the same each time."""
 
-    def __init__(self, seed: int, number: int) -> None:
-        self.name = f"--seed {seed} --chunk {number}"
+    def __init__(self, seed: int, number: int, *, shared: bool = False) -> None:
+        self.name = f"--seed {seed} --chunk {number}{' --shared' * shared}"
         self.random = random.Random(f"{seed}/{number}")
         kinds = len(MODELS)
         key = list(MODELS)[number % kinds]
@@ -156,7 +196,10 @@ class Chunk:
         url = f"virtual:{key}@{IDS[0]}-{IDS[-1]}?clock=virtual&{options}".rstrip("&")
         self.port = Tapped(url, build_rig(parse_url(url)), real=False)
         self.reals: list[VirtualServo] = self.port.rig.servos
-        self.bus: Any = (AsyncBus if self.asynchronous else Bus)(self.port)
+        self.server = Sharing(self.port) if shared else None
+        own = self.port if self.server is None else self.server.client()
+        self.bus: Any = (AsyncBus if self.asynchronous else Bus)(own)
+        self.stats = self.bus.stats if self.server is None else self.server.bus.stats
         self.model = MODELS[key]
         self.family = self.model.family.name
         self.acknowledged = "answer_level" in self.model.aliases
@@ -176,8 +219,11 @@ class Chunk:
         if self.doubt is not None:
             self._wrong(self.doubt.text)
         self.tally.faults.update(self.port.rig.fault_counts)
-        total = self.bus.stats.total
+        total = self.stats.total
         self.tally.stats = {name: getattr(total, name) for name in COLUMNS}
+        if self.server is not None:
+            self.bus.close()
+            self.server.close()
         return self.tally
 
     async def _transaction(self, number: int) -> None:
@@ -300,7 +346,7 @@ class Chunk:
             self.doubt = None
 
     def _doubled(self) -> int:
-        counts = self.bus.stats.total
+        counts = self.stats.total
         return int(counts.doubled + counts.strangers)
 
     def _wrong(self, text: str) -> None:
@@ -348,16 +394,16 @@ def _holds(family: str, frame: bytes, id: int) -> bool:
 # Many chunks
 
 
-def work(seed: int, number: int, transactions: int) -> ServoTraffic:
+def work(seed: int, number: int, transactions: int, *, shared: bool = False) -> ServoTraffic:
     """Do one chunk."""
     faulthandler.dump_traceback_later(STUCK, exit=True)
     try:
-        return asyncio.run(Chunk(seed, number).run(transactions))
+        return asyncio.run(Chunk(seed, number, shared=shared).run(transactions))
     finally:
         faulthandler.cancel_dump_traceback_later()
 
 
-def soak(seed: int, transactions: int, seconds: float) -> tuple[ServoTraffic, bool]:
+def soak(seed: int, transactions: int, seconds: float, *, shared: bool = False) -> tuple[ServoTraffic, bool]:
     """Do chunks on all cores, until there are enough or time is up; tell whether all of them came back."""
     total, started, told = ServoTraffic(), time.monotonic(), 0.0
     chunks = iter(range(-(-transactions // CHUNK)))
@@ -366,7 +412,8 @@ def soak(seed: int, transactions: int, seconds: float) -> tuple[ServoTraffic, bo
         while True:
             if time.monotonic() - started < seconds:
                 for number in islice(chunks, 2 * (os.cpu_count() or 1) - len(busy)):
-                    busy.add(pool.submit(work, seed, number, min(CHUNK, transactions - number * CHUNK)))
+                    some = min(CHUNK, transactions - number * CHUNK)
+                    busy.add(pool.submit(work, seed, number, some, shared=shared))
             if not busy:
                 return total, True
             done, busy = wait(busy, return_when=FIRST_COMPLETED)
@@ -406,13 +453,14 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after so long")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--chunk", type=int, help="do this one again, and nothing else")
+    parser.add_argument("--shared", action="store_true", help="through a server")
     args = parser.parse_args(arguments)
 
     started = time.monotonic()
     if args.chunk is None:
-        total, whole = soak(args.seed, args.transactions, args.seconds)
+        total, whole = soak(args.seed, args.transactions, args.seconds, shared=args.shared)
     else:
-        total, whole = work(args.seed, args.chunk, min(CHUNK, args.transactions)), True
+        total, whole = work(args.seed, args.chunk, min(CHUNK, args.transactions), shared=args.shared), True
     print(file=sys.stderr)
     show(total, time.monotonic() - started)
     for trouble in total.troubles[:REPEATS]:

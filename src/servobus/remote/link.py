@@ -29,15 +29,13 @@ from servobus.link.stats import COLUMNS, Stats
 from servobus.link.waits import Receive, Rest, Waits
 from servobus.remote.faults import error_of
 from servobus.remote.messages import encode, text
-from servobus.remote.port import RemotePort
+from servobus.remote.port import LOOK, RemotePort
 from servobus.remote.protocol import Answer, Counted, Failed, Release
-from servobus.remote.steps import Outcome, SentPacket, lateness_of, packet_of, sent
+from servobus.remote.steps import LONGEST_PAUSE, Outcome, SentPacket, lateness_of, packet_of, sent
 from servobus.transports.base import Transport
 
 T = TypeVar("T")
 
-LOOK = 0.25
-"""s after which a wait for an answer looks whether the server is still there."""
 PIECE = 32
 """Exchanges of a batch that are sent at once where another job may want the line."""
 MANY = 1000
@@ -177,6 +175,8 @@ class RemoteLink(BaseLink):
             return (yield from self._let_others(step))
         if isinstance(step, Batch):
             return (yield from self._batch(step))
+        if isinstance(step, Pause):
+            return (yield from self._pause(step.seconds))
         answer = yield from self._answer(self._send(step))
         return None if answer.lateness is None else lateness_of(answer.lateness)
 
@@ -191,6 +191,13 @@ class RemoteLink(BaseLink):
             if len(answer.outcomes) < len(some):
                 break
         return results
+
+    def _pause(self, seconds: float) -> Waits[None]:
+        """Have the other process let time pass while it holds the line."""
+        while seconds > LONGEST_PAUSE:
+            yield from self._answer(self._send(Pause(LONGEST_PAUSE)))
+            seconds -= LONGEST_PAUSE
+        yield from self._answer(self._send(Pause(max(seconds, 0.0))))
 
     def _let_others(self, pause: Pause) -> Waits[None]:
         """Let others use the line for a while, here and in the other process."""
@@ -221,19 +228,13 @@ class RemoteLink(BaseLink):
         else:
             said = text(sent(step))
         port = self._port
-        n = port.number()
-        # As `encode` would write a SentRequest, of which most is the same each time.
         hold = 0 if self._hold is None else self._hold.number
-        line = (
-            f'{{"k":"step","n":{n},"bus":{port.quoted},"baud":{port.baud},"priority":{int(self._priority())},'
-            f'"hold":{hold},"time":{port.server_time():.6f},"step":{said}}}\n'
+        # As `text` would write a SentRequest, of which most is the same each time.
+        rest = (
+            f',"bus":{port.quoted},"baud":{port.baud},"priority":{int(self._priority())},'
+            f'"hold":{hold},"time":{port.server_time():.6f},"step":{said}}}'
         )
-        try:
-            port.write(line.encode())
-        except BaseException:
-            port.forget(n)
-            raise
-        return n
+        return port.request(lambda n: f'{{"k":"step","n":{n}{rest}', self.check)
 
     def _answer(self, n: int) -> Waits[Answer]:
         """Wait for the answer to a request. Raises the error that came instead."""

@@ -20,8 +20,9 @@ from typing import Any
 
 from servobus.errors import PortError, PortLost, UsageError
 from servobus.remote.address import Address, token_of_environment
-from servobus.remote.messages import LONGEST, Malformed, decode, encode
-from servobus.remote.protocol import Answer, Beat, Beaten, BusInfo, Failed, Hello, Refused, Supersede, Welcome
+from servobus.remote.faults import error_of
+from servobus.remote.messages import LONGEST, Malformed, decode, encode, text
+from servobus.remote.protocol import Beat, Beaten, BusInfo, Failed, Hello, Refused, Supersede, Welcome
 from servobus.remote.runtime import find_server, token_for
 from servobus.transports.base import Transport
 
@@ -31,6 +32,8 @@ CONNECT = 3.0
 """s within which a server must have answered the first words."""
 SILENCE = 3.0
 """s after which a server is given up that answers not even a sign of life."""
+LOOK = 0.25
+"""s after which a wait for an answer looks whether the server is still there."""
 STUCK = 1.0
 """s after which a connection is given up that takes no bytes."""
 CHUNK = 65536
@@ -72,6 +75,8 @@ class RemotePort(Transport):
         """Why the server has ended the connection, if it said so."""
         self._behind: deque[float] = deque(maxlen=BEATS)
         self._beats: threading.Event | None = None
+        self.told: Callable[[Any], object] = _ignore
+        """Gets what the server says without being asked, in whichever thread takes it in."""
         self._open()
 
     # The transport
@@ -113,13 +118,38 @@ class RemotePort(Transport):
         # On Windows a loop cannot watch it; a thread reads then.
         return None if sys.platform == "win32" or self._socket is None else self._socket.fileno()
 
+    def ask(self, kind: Callable[..., Any], **fields: Any) -> Any:
+        """Ask the server something beside the servos, and wait for the answer. Raises the error that comes instead.
+
+        `kind` is a class of messages with a number `n`, `fields` its other fields.
+        """
+        n = self.request(lambda n: text(kind(n=n, **fields)))
+        try:
+            while (answer := self.take(n)) is None:
+                self.read(LOOK)
+        finally:
+            self.forget(n)
+        if isinstance(answer, Failed):
+            raise error_of(answer.fault)
+        return answer
+
     # For the link: requests and their answers
 
-    def number(self) -> int:
-        """Give the number of a request that is about to be sent; its answer is kept from now on."""
+    def request(self, line: Callable[[int], str], check: Callable[[], None] = lambda: None) -> int:
+        """Send a request, the line with a number; give that number. Its answer is kept from now on.
+
+        `check` raises what keeps it from being sent, at the last moment: behind a stop nothing of before goes out.
+        """
         with self._receiving:  # what nobody waits for is taken in elsewhere
             n = next(self._numbers)
             self._awaited[n] = None
+        try:
+            with self._sending:
+                check()
+                self._push(line(n).encode() + b"\n")
+        except BaseException:
+            self.forget(n)
+            raise
         return n
 
     def take(self, n: int) -> Any:
@@ -147,7 +177,7 @@ class RemotePort(Transport):
     # The connection
 
     def _open(self) -> None:
-        host, port, token = self._where()
+        host, port, token = where(self.address)
         try:
             own = socket.create_connection((host, port), CONNECT)
         except OSError as error:
@@ -176,14 +206,6 @@ class RemotePort(Transport):
         threading.Thread(
             target=_beat, args=(weakref.ref(self), self._beats, hello.deadman / 4), name="servobus beats", daemon=True
         ).start()
-
-    def _where(self) -> tuple[str, int, str]:
-        address = self.address
-        if not address.host:
-            server = find_server(address.bus)
-            return server.host, server.port, server.token
-        token = token_of_environment()
-        return address.host, address.port, token or token_for(address.host, address.port)
 
     def _welcomed(self, own: socket.socket) -> Welcome:
         """Give the server's answer to the first words. Raises PortError."""
@@ -246,13 +268,14 @@ class RemotePort(Transport):
             said = decode(line)
         except Malformed as error:
             raise PortLost(f"{self.name}: the server says what is not understood here ({error})") from error
-        if isinstance(said, Answer | Failed):
-            if said.n in self._awaited:
-                self._awaited[said.n] = said
-        elif isinstance(said, Beaten):
+        if isinstance(said, Beaten):
             self._behind.append(said.server - said.time)
         elif isinstance(said, Refused):
             self._why = said.why
+        elif (n := getattr(said, "n", None)) in self._awaited:
+            self._awaited[n] = said
+        else:
+            self.told(said)
 
     def _push(self, data: bytes) -> None:
         own = self._socket
@@ -288,6 +311,14 @@ class RemotePort(Transport):
         return PortLost(f"{self.name}: the server has ended the connection{why}; does it still run?")
 
 
+def where(address: Address) -> tuple[str, int, str]:
+    """Give host, port and token of the server at an address. Raises PortError if none of this user runs here."""
+    if not address.host:
+        server = find_server(address.bus)
+        return server.host, server.port, server.token
+    return address.host, address.port, token_of_environment() or token_for(address.host, address.port)
+
+
 def _beat(port: "weakref.ref[RemotePort]", over: threading.Event, period: float) -> None:
     """Give signs of life for a port until it is closed or nobody has it any more."""
     while not over.wait(period or DEADMAN / 4):
@@ -308,6 +339,10 @@ def _waiting_on(own: socket.socket) -> Callable[[float], Any]:
         epoll.register(own.fileno(), select.EPOLLIN)
         return epoll.poll
     return lambda timeout: select.select((own,), (), (), timeout)[0]
+
+
+def _ignore(_: Any) -> None:
+    """Pass over what is of no use here."""
 
 
 def _nothing(_: float) -> bool:

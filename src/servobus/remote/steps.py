@@ -28,10 +28,10 @@ from servobus.families import registry
 from servobus.remote.faults import Fault, fault
 from servobus.remote.messages import message
 
-LONGEST_DELAY = 10.0
+LONGEST_DELAY = 1.0
 """s that a servo may need for its answer, at most; a step that asks for more is refused."""
-LONGEST_PAUSE = 60.0
-"""s that a pause with the line held may last."""
+LONGEST_PAUSE = 2.0
+"""s that one pause with the line held may last; a client that pauses for longer asks again."""
 LONGEST_REQUEST = 1 << 16
 """Bytes of a request with what goes before it; at 9600 baud these take a minute."""
 

@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 from serial.tools import list_ports
 
 import servobus
 from servobus import RX28, PortError, UsageError
+from servobus.cli.app import app
 from servobus.connect import lasting_name
 from servobus.remote.address import Address
 from servobus.remote.runtime import RuntimeFile, Server, find_server, runtime_folder, servers, sharing
@@ -177,7 +179,11 @@ def test_commands_work_over_it(run: Run, load: Callable[..., Any], refused: Call
             1,
             7,
         ]
-        assert "servos: RX-28 ids 1, 7" in run("doctor", "servobus:///arm", "--ids", "1-8", "--reads", 10).stdout
+        # On a computer that is busy a read may be lost, which is a finding: only who is there counts here.
+        told = CliRunner().invoke(
+            app, ["doctor", "servobus:///arm", "--ids", "1-8", "--reads", "1"], prog_name="servobus"
+        )
+        assert "servos: RX-28 ids 1, 7" in told.output
         assert "a server, which alone sees its bytes" in refused("sniff", "servobus:///arm")
 
 

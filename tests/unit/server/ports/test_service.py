@@ -345,7 +345,7 @@ def test_a_client_that_goes_in_the_middle_leaves_the_line(hosted: Hosted) -> Non
     with Client(hosted) as one, Client(hosted) as other:
         assert one.outcome(hold=1) == PONG
         waits = other.ask()
-        one.ask(SentPause(30.0), hold=1)
+        one.ask(SentPause(2.0), hold=1)
         one.close()
         answer = other.hear()
         assert (answer.n, answer.outcomes) == (waits, PONG)
@@ -353,7 +353,7 @@ def test_a_client_that_goes_in_the_middle_leaves_the_line(hosted: Hosted) -> Non
 
 def test_what_is_superseded_ends_at_once(hosted: Hosted) -> None:
     with Client(hosted) as client:
-        numbers = [client.ask(SentPause(30.0), hold=1), client.ask(hold=1)]
+        numbers = [client.ask(SentPause(2.0), hold=1), client.ask(hold=1)]
         holder_is(hosted, held=True)
         client.say(Supersede("arm"))
         failed = [client.hear(), client.hear()]
