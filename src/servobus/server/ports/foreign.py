@@ -67,9 +67,9 @@ class _Waiting:
 class ForeignPort(ABC):
     """A port for one program of another make at a time, on one bus. To be opened by `async with`.
 
-    name     what people know the program by: where it is served
-    bus      the bus that it shares
-    refused  told of each request that the gate does not let through, with the error
+    name      what people know the program by: where it is served
+    bus       the bus that it shares; bus_name is its name
+    refused   told of each request that the gate does not let through, with the error
 
     It is what holds leases for the program: its `role` is that of an operator, and it has no deadman.
     """
@@ -86,7 +86,7 @@ class ForeignPort(ABC):
         name: str,
         refused: Callable[["ForeignPort", Exchange[Any], ServobusError], object] = lambda *_: None,
     ) -> None:
-        self.name, self.bus, self._bus_name = name, bus, bus_name
+        self.name, self.bus, self.bus_name = name, bus, bus_name
         self._gate, self._refused = gate, refused
         self.counts = Counts()
         self._cutter = RequestCutter(self._families)
@@ -195,7 +195,7 @@ class ForeignPort(ABC):
         exchange = exchange_of(request, reads=reads, awaited=awaited)
         priority = _priority(effect)
         try:
-            self._gate.admit(self, self._bus_name, exchange, baud, waiting.asked, priority)
+            self._gate.admit(self, self.bus_name, exchange, baud, waiting.asked, priority)
         except ServobusError as error:
             self.counts.refused += 1
             self._refused(self, exchange, error)
@@ -205,7 +205,7 @@ class ForeignPort(ABC):
             outcome = await self._ask(exchange, baud, priority)
         except ServobusError as error:
             outcome = error
-        self._gate.carried_out(self, self._bus_name, exchange, baud, outcome)
+        self._gate.carried_out(self, self.bus_name, exchange, baud, outcome)
         self._learn(request, exchange, effect, outcome)
         if exchange.replies:
             self._answer(waiting, outcome if isinstance(outcome, list) else [outcome])
