@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from servobus.bus.asyncio import AsyncBus, AsyncBusServo
 from servobus.core.present import si_entry, si_register_entry, si_value
 from servobus.core.registers import Register
-from servobus.errors import BadReading, BadValue, PortError, PortLost, Stopped, UsageError
+from servobus.errors import BadReading, BadValue, PortError, PortLost, ServobusError, Stopped, UsageError
 from servobus.families.base import Answers, StopOutcome
 from servobus.families.present import servo_entry
 from servobus.jobs.backup import Backup, compare
@@ -150,10 +150,10 @@ class ServedBus:
     async def preview(self, key: str, values: Mapping[str, Any], *, save: bool) -> dict[str, Any]:
         """Say what a write would change, and how many values of it would go to the EEPROM. Writes nothing."""
         servo = self.servo(key)
-        raws = _raws(servo, values)
+        raws, names = _raws(servo, values)
         old = await self._read(servo, list(raws), stored=save)
-        changes = {row.name: _change(row, old[row], raw) for row, raw in raws.items()}
-        worn = [row.name for row, raw in raws.items() if servo.family.wears(row, keep=save) and old[row] != raw]
+        changes = {names[row]: _change(row, old[row], raw) for row, raw in raws.items()}
+        worn = [row for row, raw in raws.items() if servo.family.wears(row, keep=save) and old[row] != raw]
         return {"changes": changes, "eeprom_writes": len(worn)}
 
     async def write(self, actor: Actor, key: str, values: Mapping[str, Any], *, save: bool) -> dict[str, Any]:
@@ -162,7 +162,7 @@ class ServedBus:
         With `save` the values survive power-off. Raises BadValue, before anything is written, if one cannot be.
         """
         servo = self.servo(key)
-        raws = _raws(servo, values)
+        raws, names = _raws(servo, values)
         torque = servo.model.register("torque_enable")
         if any(row.motion is not None or (row is torque and raw) for row, raw in raws.items()):
             self.begin(actor, [servo])
@@ -181,7 +181,7 @@ class ServedBus:
         changes = {}
         for row, raw in raws.items():
             now = new.get(row)
-            changes[row.name] = {
+            changes[names[row]] = {
                 **_change(row, old.get(row), raw if now is None else now),
                 "taken": None if now is None else row.took(raw, now),
             }
@@ -398,7 +398,7 @@ class ServedBus:
 
     def _overview(self) -> Mapping[AsyncBusServo, Rows]:
         return {
-            servo: [row for name in OVERVIEW if (row := servo.model.optional(name)) is not None and row.readable]
+            servo: [row for name in OVERVIEW if (row := _optional(servo, name)) is not None and row.readable]
             for servo in self.bus
         }
 
@@ -454,6 +454,8 @@ class ServedBus:
                 await self.bus.reopen()
             except PortError:
                 continue
+            except ServobusError:
+                pass  # the port is there, though some servo on it is not
             self.gone = ""
             self.events.tell("port back", bus=self.name)
 
@@ -478,6 +480,11 @@ def _alarms(servo: AsyncBusServo) -> list[str]:
     return servo.alarm_text().split("+") if servo.alarms else []
 
 
+def _optional(servo: AsyncBusServo, name: str) -> Register[Any] | None:
+    """Give a register by its name or alias, None where the model has none of it."""
+    return servo.model.registers.get(servo.model.aliases.get(name, name))
+
+
 def _row(servo: AsyncBusServo, name: str) -> Register[Any]:
     row = servo.model.register(name)
     if not row.readable:
@@ -485,15 +492,15 @@ def _row(servo: AsyncBusServo, name: str) -> Register[Any]:
     return row
 
 
-def _raws(servo: AsyncBusServo, values: Mapping[str, Any]) -> dict[Register[Any], int]:
-    """Give what is to be written, raw. Raises BadValue, UnknownName."""
+def _raws(servo: AsyncBusServo, values: Mapping[str, Any]) -> tuple[dict[Register[Any], int], dict[Register[Any], str]]:
+    """Give what is to be written, raw, and by which names it was asked for. Raises BadValue, UnknownName."""
     if not values:
         raise BadValue("a write of no registers: name at least one")
-    raws = {servo.model.register(name): value for name, value in values.items()}
-    if len(raws) != len(values):
+    names = {servo.model.register(name): name for name in values}
+    if len(names) != len(values):
         raise BadValue("a register is named twice, once by an alias")
-    servo._no_identity(raws)
-    return {row: raw_value(row, value) for row, value in raws.items()}
+    servo._no_identity(names)
+    return {row: raw_value(row, values[name]) for row, name in names.items()}, names
 
 
 def _value(row: Register[Any], raw: int) -> Any:

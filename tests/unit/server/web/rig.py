@@ -10,7 +10,9 @@ from servobus.server.web.app import WebApplication
 from servobus.server.web.auth import Role
 from servobus.server.web.config import WebConfig
 
-SPEC = "virtual:rx28@1,2,drs0602@219,lx16a@3"
+REAL = "virtual:rx28@1,2,drs0602@219,lx16a@3"
+SPEC = f"{REAL}?clock=virtual"
+"""The same servos by the clock of the computer, and by one on which nobody waits."""
 BASE = "http://127.0.0.1:7380"
 START, LOCAL = "start-token-of-the-test", "local-token-of-the-test"
 KEYS = ("dynamixel:1@57600", "dynamixel:2@57600", "herkulex:219@115200", "lewansoul:3@115200")
@@ -36,7 +38,7 @@ async def rig(**changes: Any) -> AsyncIterator[Rig]:
     """Open an application on virtual servos; `changes` are those of its configuration."""
     config = WebConfig(**{"start_token": START, "local_token": LOCAL, "buses": {"bench": SPEC}, **changes})
     made = Rig(config)
-    async with made.web.api.router.lifespan_context(made.web.api):
+    async with made.web:
         if "bench" in made.service.buses:
             bus = made.service.bus("bench").bus
             for key in KEYS:
