@@ -6,4 +6,4 @@ from servobus.server.web.page.parts.empty import empty
 
 def build(context: PageContext) -> None:
     """Build the page."""
-    empty("construction", "Doctor", "There is nothing on this page yet.")
+    empty("construction", "Doctor", f"There is nothing yet of {context.bus and context.bus.name}.")

@@ -14,6 +14,7 @@ from servobus.server.web.api.answers import role_of
 from servobus.server.web.app import WebApplication
 from servobus.server.web.page.context import PageContext
 from servobus.server.web.page.parts.confirm import confirm
+from servobus.server.web.page.table import PAGES, Entry
 
 HEAD = """
 <link rel="stylesheet" href="/_servobus/theme.css">
@@ -37,59 +38,64 @@ class Shell:
 
     def show(self, request: Request) -> None:
         """Build a tab for somebody who has logged in."""
-        from servobus.server.web.page.table import PAGES  # noqa: PLC0415 - the pages lead to each other
-
         state = request.state  # the guard lets in nobody without a login
         context = PageContext(self._context, state.login, role_of(state), ui.context.client)
         ui.context.client.on_connect(context.start)
         ui.context.client.on_delete(context.close)
         ui.add_head_html(HEAD)
         ui.colors(primary="#2f6fed", positive="#12855a", negative="#c9251d", warning="#b7740f", info="#2f6fed")
-        Frame(context, request.cookies.get(THEME_COOKIE, ""), PAGES)
+        Frame(context, request.cookies.get(THEME_COOKIE, ""))
 
 
 class Frame:
     """The frame of one tab."""
 
-    def __init__(self, context: PageContext, theme: str, pages: Any) -> None:
-        self._context, self._pages = context, pages
+    def __init__(self, context: PageContext, theme: str) -> None:
+        self._context = context
         self._theme: Theme = next((name for name in THEMES if name == theme), "auto")
         self._dark = ui.dark_mode(THEMES[self._theme][0])
         self._links: dict[str, ui.link] = {}
         self._drawer = self._navigation()
         self._header()
-        with ui.column().classes("sb-page") as page:
+        with ui.column().classes("sb-page"):
             self._banners = ui.column().classes("sb-banners")
             self._warn()
-            self._content = ui.sub_pages({entry.path: self._shows(entry) for entry in pages}).classes("sb-content")
+            self._content = ui.sub_pages({entry.path: self._shows(entry) for entry in PAGES}).classes("sb-content")
         context.content = self._content
-        ui.element("button").props('type=button data-stop aria-label="Stop all servos"').classes("sb-stop sb-stop-phone")
+        ui.element("button").props('type=button data-stop aria-label="Stop all servos"').classes(
+            "sb-stop sb-stop-phone"
+        )
         ui.on("servobus_live", self._live)
         context.shell_events(self._event)
         self._stopped()
-        self._page = page
 
     # Building
 
-    def _shows(self, entry: Any) -> Callable[[PageArguments], object]:
+    def _shows(self, entry: Entry) -> Callable[[PageArguments], object]:
         def show(arguments: PageArguments) -> object:
             self._context.turn_to(dict(arguments.query_parameters))
             self._title.text = entry.title
             for name, link in self._links.items():
-                link.classes(add="sb-here" if name == entry.name else "", remove="" if name == entry.name else "sb-here")
+                link.classes(
+                    add="sb-here" if name == entry.name else "", remove="" if name == entry.name else "sb-here"
+                )
             return entry.build(self._context)
 
         return show
 
     def _header(self) -> None:
         with ui.header().classes("sb-header"):
-            menu = ui.button(icon="menu", color=None, on_click=self._drawer.toggle).props('flat round dense aria-label="Menu"')
+            menu = ui.button(icon="menu", color=None, on_click=self._drawer.toggle).props(
+                'flat round dense aria-label="Menu"'
+            )
             menu.classes("sb-menu")
-            self._title = ui.label("").classes("sb-heading").props('role=heading aria-level=1')
+            self._title = ui.label("").classes("sb-heading").props("role=heading aria-level=1")
             ui.space()
             self._bus_picker()
-            ui.element("div").classes("sb-link").props('id=sb-link role=status aria-live=polite')
-            self._theme_button = ui.button(color=None, on_click=self._next_theme).props("flat round dense").classes("sb-quiet")
+            ui.element("div").classes("sb-link").props("id=sb-link role=status aria-live=polite")
+            self._theme_button = (
+                ui.button(color=None, on_click=self._next_theme).props("flat round dense").classes("sb-quiet")
+            )
             self._show_theme()
             ui.element("button").props('type=button data-stop aria-label="Stop all servos"').classes("sb-stop")
 
@@ -99,7 +105,7 @@ class Frame:
                 ui.element("img").props('src="/_servobus/icon.svg" alt="" width=28 height=28')
                 ui.label("servobus")
             with ui.element("nav").props('aria-label="Pages"'):
-                for entry in self._pages:
+                for entry in PAGES:
                     with ui.link(target=entry.path).classes("sb-nav-link") as link:
                         ui.icon(entry.icon)
                         ui.label(entry.title)

@@ -6,4 +6,4 @@ from servobus.server.web.page.parts.empty import empty
 
 def build(context: PageContext) -> None:
     """Build the page."""
-    empty("construction", "Tune", "There is nothing on this page yet.")
+    empty("construction", "Tune", f"There is nothing yet of {context.bus and context.bus.name}.")
