@@ -11,7 +11,6 @@ from servobus.core.registers import Motion, Register
 class Purpose(Enum):
     """Groups of the page, in the order in which they stand there: title and what it is about."""
 
-    IDENTITY = "Identity", "Which servo this is"
     RANGE = "Range and zero", "How far the shaft may turn, and where its angles are counted from"
     PROTECTION = "Protection", "When the servo reports an alarm, and what follows"
     STRENGTH = "Torque", "How strong the motor may get"
@@ -19,6 +18,7 @@ class Purpose(Enum):
     MOTION = "Motion", "Goals, speeds and modes; they are lost at power-off"
     LIGHT = "Light", "The LED"
     LINE = "Bus", "How the servo talks on the line"
+    IDENTITY = "Identity", "Which servo this is"
     MEASURED = "Measured", "What the servo tells about itself; nothing to set"
 
     def __init__(self, title: str, about: str) -> None:
@@ -74,3 +74,8 @@ def matches(row: Register[Any], asked: str) -> bool:
     """Tell whether a row is meant by what somebody types to find it: each word in its names or its meaning."""
     text = " ".join((row.name, title(row), *row.aliases, row.meaning)).lower()
     return all(word in text for word in asked.lower().split())
+
+
+def meaning(row: Register[Any]) -> str:
+    """Write what a register means as a sentence begins."""
+    return row.meaning[0].upper() + row.meaning[1:]

@@ -8,13 +8,13 @@ from nicegui import ui
 from nicegui.events import UploadEventArguments
 
 from servobus.core.units import deg
-from servobus.errors import BadValue, ServobusError, UsageError
+from servobus.errors import UsageError
+from servobus.families import registry
 from servobus.server.web.page.parts.confirm import confirm
 from servobus.server.web.page.settings import zero
 from servobus.server.web.page.setup.conditions_view import head
-from servobus.server.web.page.setup.review import counted, diff
+from servobus.server.web.page.setup.review import close, counted, diff
 from servobus.server.web.page.setup.workbench import Workbench
-from servobus.server.web.values import key_of
 
 MOST_FILE = 500_000
 """Bytes of a backup file."""
@@ -32,6 +32,8 @@ class Care:
         self._position: float | None = None
         self._present: ui.label | None = None
         with ui.element("div").classes("sb-cards"):
+            if bench.model.generic:
+                self._model()
             self._identity()
             self._zero()
             self._backup()
@@ -47,6 +49,31 @@ class Care:
             self._present.set_text(row.show(value))
         self._position = value
 
+    # What a servo cannot say
+
+    def _model(self) -> None:
+        bench = self.bench
+        models = {
+            model.key(): model.title
+            for model in registry.MODELS.values()
+            if model.family is bench.model.family and not model.generic
+        }
+        with _card("Model", "This servo cannot say which model it is. What is written on its case?"):
+            model = ui.select(models, label="Model").props("outlined dense options-dense").classes("sb-wide")
+            model.props["data-do"] = "model"
+            model.set_enabled(bench.may_change)
+            model.on_value_change(lambda event: self._tell_model(event.value))
+
+    async def _tell_model(self, model: str) -> None:
+        bench = self.bench
+
+        async def attach() -> dict[str, Any]:
+            return bench.bus.attach(bench.context.actor, model, bench.id, bench.baud)
+
+        entry = await self._attempt(attach)
+        if entry is not None:
+            self._moved(entry["key"])
+
     # Id and speed
 
     def _identity(self) -> None:
@@ -60,7 +87,7 @@ class Care:
                 baud = ui.select(bauds, label="Speed", value=bench.baud).props("outlined dense options-dense")
                 baud.set_enabled(len(bauds) > 1 and bench.may_change)
                 id.set_enabled(bench.may_change)
-            _action("Change id or speed", lambda: self._change_identity(id.value, baud.value), bench, name="identity")
+            _action("Change id or speed", lambda: self._change_identity(id.value, baud.value), bench, what="identity")
 
     async def _change_identity(self, id: float | None, baud: int) -> None:
         bench = self.bench
@@ -105,7 +132,7 @@ class Care:
                 wanted.props["data-care"] = "zero"
                 wanted.set_enabled(bench.may_change)
             ui.label("The shaft does not turn: the torque has to be off.").classes("sb-muted sb-small")
-            _action("Set the zero", lambda: self._set_zero(wanted.value), bench, name="zero")
+            _action("Set the zero", lambda: self._set_zero(wanted.value), bench, what="zero")
 
     async def _set_zero(self, wanted: float | None) -> None:
         bench = self.bench
@@ -131,27 +158,30 @@ class Care:
         if row is None:
             raise UsageError(f"{model.title} keeps no zero of its own")
         names = [model.register("present_position").name, row.name, model.register("torque_enable").name]
-        present, shift, torque = ((await bench.bus.read(bench.key, names))[name]["raw"] for name in names)
+        told = await bench.bus.read(bench.key, names)
+        present, shift, torque = (told[name]["raw"] for name in names)
         if model.family.torque_on(torque):
-            raise UsageError(f"the torque of {bench.key} is on, and a new zero would turn the shaft: switch it off first")
+            raise UsageError(
+                f"the torque of {bench.key} is on, and a new zero would turn the shaft: switch it off first"
+            )
         return zero.shifted(model, present, shift, wanted)
 
     # Backup
 
     def _backup(self) -> None:
         bench = self.bench
-        with _card("Backup", "All settings that survive power-off, in a file that people can read."):
-            with ui.row().classes("sb-buttons"):
-                _button("Download", "download", self._download).props["data-care"] = "backup"
-                if bench.may_change:
-                    upload = ui.upload(
-                        auto_upload=True,
-                        max_file_size=MOST_FILE,
-                        on_upload=self._uploaded,
-                        on_rejected=lambda: ui.notify("This is too large for a backup", type="warning", position="top"),
-                    ).props("accept=.toml,.txt,text/plain")
-                    upload.classes("sb-hidden").props["data-care"] = "restore"
-                    _button("Restore from a file", "upload_file", lambda: upload.run_method("pickFiles"))
+        card = _card("Backup", "All settings that survive power-off, in a file that people can read.")
+        with card, ui.row().classes("sb-buttons"):
+            _button("Download", "download", self._download).props["data-do"] = "backup"
+            if bench.may_change:
+                upload = ui.upload(
+                    auto_upload=True,
+                    max_file_size=MOST_FILE,
+                    on_upload=self._uploaded,
+                    on_rejected=lambda: ui.notify("This is too large for a backup", type="warning", position="top"),
+                ).props("accept=.toml,.txt,text/plain")
+                upload.classes("sb-hidden").props["data-care"] = "restore"
+                _button("Restore from a file", "upload_file", lambda: upload.run_method("pickFiles"))
 
     async def _download(self) -> None:
         saved = await self.bench.context.attempt(self.bench.bus.backup(self.bench.key))
@@ -193,8 +223,7 @@ class Care:
         return {
             servo["key"]: f"{servo['title']}, id {servo['id']}"
             for servo in servos
-            if servo["key"] != self.bench.key
-            and (not same_family or servo["family"] == self.bench.model.family.name)
+            if servo["key"] != self.bench.key and (not same_family or servo["family"] == self.bench.model.family.name)
         }
 
     def _copy(self) -> None:
@@ -206,7 +235,7 @@ class Care:
                 return
             target = ui.select(others, label="To").props("outlined dense options-dense").classes("sb-wide")
             target.props["data-care"] = "copy"
-            _action("Copy", lambda: self._copy_to(target.value), bench, name="copy")
+            _action("Copy", lambda: self._copy_to(target.value), bench, what="copy")
 
     async def _copy_to(self, key: str | None) -> None:
         if key is None:
@@ -263,12 +292,12 @@ class Care:
                 with ui.row().classes("sb-buttons"):
                     boxes = {name: ui.checkbox(KEPT[name], value=name == "id") for name in keep}
             with ui.row().classes("sb-buttons"):
-                _action("Restart", self._reboot, bench, name="reboot", flat=True)
+                _action("Restart", self._reboot, bench, what="reboot", flat=True)
                 kept = _action(
                     "Factory settings",
                     lambda: self._reset([name for name, box in boxes.items() if box.value]),
                     bench,
-                    name="reset",
+                    what="reset",
                     flat=True,
                 )
                 kept.props("color=negative")
@@ -328,7 +357,7 @@ async def _ask_restore(question: str, found: Mapping[str, Any]) -> bool | None:
     try:
         chosen = await dialog
     finally:
-        dialog.delete()
+        close(dialog)
     return None if chosen is None else bool(chosen)
 
 
@@ -348,9 +377,9 @@ def _button(name: str, icon: str, does: Callable[[], Any]) -> ui.button:
     return ui.button(name, icon=icon, on_click=does, color=None).props("outline no-caps").classes("sb-outline")
 
 
-def _action(name: str, does: Callable[[], Any], bench: Workbench, *, flat: bool = False, **data: str) -> ui.button:
+def _action(name: str, does: Callable[[], Any], bench: Workbench, *, what: str, flat: bool = False) -> ui.button:
     """Build the button of a card; only who may change something can press it."""
     button = ui.button(name, on_click=does).props("flat no-caps" if flat else "outline no-caps")
-    button.props["data-care-do"] = data["name"]
+    button.props["data-do"] = what
     button.set_enabled(bench.may_change)
     return button

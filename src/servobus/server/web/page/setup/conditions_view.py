@@ -20,7 +20,9 @@ class Conditions:
     def __init__(self, bench: Workbench) -> None:
         self.bench = bench
         with ui.element("div").classes("sb-card"):
-            head("Limits", "The mark is the value now, on the same scale. Outside the coloured part the servo complains.")
+            head(
+                "Limits", "The mark is the value now, on the same scale. Outside the coloured part the servo complains."
+            )
             with ui.element("div").classes("sb-bars"):
                 self._bars = [LimitBar(bench, one) for one in gauges(bench.model)]
         with ui.element("div").classes("sb-card"):
@@ -34,8 +36,10 @@ class Conditions:
 
     def show(self) -> None:
         """Show what is there now."""
-        for one in (*self._bars, self._grid, self._answers):
-            one.show()
+        for bar in self._bars:
+            bar.show()
+        self._grid.show()
+        self._answers.show()
 
     def sample(self, values: Mapping[str, Any], alarms: Sequence[str]) -> None:
         """Show what was measured, and which alarms stand."""
@@ -50,6 +54,7 @@ class LimitBar:
     def __init__(self, bench: Workbench, gauge: Gauge) -> None:
         self.bench, self.gauge = bench, gauge
         self._value: float | None = None
+        self._error: ui.label | None = None
         with ui.element("div").classes("sb-bar"):
             with ui.element("div").classes("sb-bar-head"):
                 ui.label(gauge.title).classes("sb-reg-title")
@@ -63,6 +68,7 @@ class LimitBar:
                     for row in (gauge.low, gauge.high)
                     if row is not None
                 ]
+            self._error = ui.label("").classes("sb-small sb-bad sb-reg-about")
         self._mark.set_visibility(False)
 
     def show(self) -> None:
@@ -83,7 +89,11 @@ class LimitBar:
     def _end(self, row: Register[Any], word: str) -> Editor:
         with ui.element("div").classes("sb-bar-end"):
             ui.label(word).classes("sb-muted sb-small")
-            return Editor(self.bench, row)
+            return Editor(self.bench, row, self._wrong)
+
+    def _wrong(self, error: str) -> None:
+        if self._error is not None:
+            self._error.set_text(error)
 
     def _limits(self) -> dict[str, float]:
         rows = [row for row in (self.gauge.low, self.gauge.high) if row is not None]
@@ -154,7 +164,7 @@ class AlarmGrid:
     def _box(self, row: Register[Any] | None, bit: int | None, label: str) -> None:
         with ui.element("div").props("role=cell").classes("sb-grid-box"):
             if row is None or bit is None:
-                ui.label("–").classes("sb-muted")
+                ui.label("-").classes("sb-muted")
                 return
             box = ui.checkbox(on_change=lambda event, row=row, bit=bit: self._set(row, bit, event.value))
             box.props["aria-label"] = label

@@ -9,7 +9,7 @@ from servobus.core.present import unit_step_text
 from servobus.core.registers import Register
 from servobus.core.units import Choice, Flags, Switch
 from servobus.server.web.page.settings.draft import is_default, place
-from servobus.server.web.page.settings.purposes import title
+from servobus.server.web.page.settings.purposes import meaning, title
 from servobus.server.web.page.setup.workbench import Workbench
 
 IDENTITY = ("id", "baud_rate", "baud")
@@ -17,14 +17,19 @@ IDENTITY = ("id", "baud_rate", "baud")
 
 
 class Editor:
-    """The control of one register; it shows the edit if there is one, else what the servo has."""
+    """The control of one register; it shows the edit if there is one, else what the servo has.
 
-    def __init__(self, bench: Workbench, row: Register[Any], *, label: str = "") -> None:
-        self.bench, self.row = bench, row
+    tell  called with what is wrong with what was typed, "" if nothing
+    """
+
+    def __init__(self, bench: Workbench, row: Register[Any], tell: Callable[[str], object]) -> None:
+        self.bench, self.row, self._tell = bench, row, tell
         self._showing = False
         """Whether a value is shown now: then its change is no edit."""
         self._text = ""
-        self._element, self._show_raw = self._build(label or title(row))
+        self._element: ui.element
+        self._show_raw: Callable[[int], object]
+        self._element, self._show_raw = self._build(title(row))
         if not bench.may_change:
             self._element.props("disable")
 
@@ -37,7 +42,7 @@ class Editor:
         self._show_raw(raw)
         self._showing = False
 
-    def _build(self, label: str) -> tuple[ui.element, Callable[[int], None]]:
+    def _build(self, label: str) -> tuple[ui.element, Callable[[int], object]]:
         scale, row = self.row.scale, self.row
         if isinstance(scale, Switch):
             switch = ui.switch(on_change=lambda event: self._set(scale.encode(event.value)))
@@ -66,7 +71,7 @@ class Editor:
     def _show_text(self, field: ui.input, raw: int) -> None:
         self._text = self.row.said(raw)
         field.set_value(self._text)
-        _mark(field, "")
+        self._mark(field, "")
 
     def _typed(self, field: ui.input) -> None:
         text = str(field.value or "").strip()
@@ -75,7 +80,13 @@ class Editor:
         if not text:
             self.show()
             return
-        _mark(field, self.bench.type(self.row.name, text))
+        error = self.bench.type(self.row.name, text)
+        self._mark(field, error.removeprefix(f"{self.row.model} {self.row.name}: "))
+
+    def _mark(self, field: ui.input, error: str) -> None:
+        """Show what is wrong with what was typed, or that nothing is."""
+        field.props(add="error no-error-icon hide-bottom-space" if error else "", remove="" if error else "error")
+        self._tell(error)
 
     def _set(self, raw: int | None) -> None:
         if not self._showing and raw is not None:
@@ -99,10 +110,10 @@ class EditRow:
                 with ui.element("div").classes("sb-reg-title"):
                     ui.label(title(row))
                     self._stored = ui.label("").classes("sb-chip sb-chip-warn")
-                ui.label(row.meaning).classes("sb-muted sb-small")
+                ui.label(meaning(row)).classes("sb-muted sb-small")
             with ui.element("div").classes("sb-reg-value"):
-                self._editor = Editor(bench, row)
-                self._about = ui.label("").classes("sb-muted sb-small sb-value sb-reg-about")
+                self._editor = Editor(bench, row, self._wrong)
+                self._about = ui.label("").classes("sb-small sb-value sb-reg-about")
             with ui.element("div").classes("sb-reg-end"):
                 self._raw = ui.label("").classes("sb-mono sb-muted")
                 self._back = ui.button(icon="undo", on_click=lambda: bench.drop(row.name), color=None)
@@ -116,6 +127,11 @@ class EditRow:
         with self._raw:
             ui.tooltip(_about(row))
         self._range = range_text(row)
+
+    def _wrong(self, error: str) -> None:
+        self._about.classes(add="sb-bad" if error else "", remove="" if error else "sb-bad")
+        if error:
+            self._about.set_text(error)
 
     def show(self) -> None:
         """Show what is there now."""
@@ -153,8 +169,3 @@ def _about(row: Register[Any]) -> str:
     """Say what one raw unit is, and where the register lies."""
     step = unit_step_text(row)
     return ", ".join(filter(None, (f"one raw unit is {step}" if step else "", f"{place(row)}, {row.place.text()}")))
-
-
-def _mark(field: ui.input, error: str) -> None:
-    """Show what is wrong with what was typed, or that nothing is."""
-    field.error = error or None

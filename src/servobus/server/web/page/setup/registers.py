@@ -1,6 +1,6 @@
 """All registers of a servo: what survives power-off, what does not, and what is measured."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from nicegui import ui
@@ -8,7 +8,7 @@ from nicegui import ui
 from servobus.core.registers import Area, Register
 from servobus.core.units import Flags, Measure, Switch
 from servobus.server.web.page.settings.draft import is_default
-from servobus.server.web.page.settings.purposes import Purpose, grouped, matches, title
+from servobus.server.web.page.settings.purposes import Purpose, grouped, matches, meaning, title
 from servobus.server.web.page.setup.editor import IDENTITY, EditRow
 from servobus.server.web.page.setup.workbench import Workbench
 
@@ -88,11 +88,15 @@ class Registers:
 
     def _filter(self) -> None:
         fits = {name for name in (*self._rows, *self._measured) if self._fits(self.bench.model.registers[name])}
-        for name, one in (*self._rows.items(), *self._measured.items()):
-            one.element.set_visibility(name in fits)
+        for name, element in self._elements():
+            element.set_visibility(name in fits)
         for card, names in self._cards:
             card.set_visibility(not fits.isdisjoint(names))
         self._none.set_visibility(not fits)
+
+    def _elements(self) -> Iterator[tuple[str, ui.element]]:
+        yield from ((name, one.element) for name, one in self._rows.items())
+        yield from ((name, one.element) for name, one in self._measured.items())
 
     def _fits(self, row: Register[Any]) -> bool:
         draft = self.bench.draft
@@ -113,7 +117,7 @@ class Measured:
             self.element.props(f"data-register={row.name}")
             with ui.element("div").classes("sb-reg-what"):
                 ui.label(title(row)).classes("sb-reg-title")
-                ui.label(row.meaning).classes("sb-muted sb-small")
+                ui.label(meaning(row)).classes("sb-muted sb-small")
             held = bench.draft.held.get(row.name)
             now = None if held is None else held.now
             self._value = ui.label("-" if now is None else row.said(now)).classes("sb-reg-value sb-value sb-reg-told")
@@ -136,4 +140,3 @@ def told_text(row: Register[Any], value: Any) -> str:
     if isinstance(row.scale, Switch):
         return "on" if value else "off"
     return row.show(value) if isinstance(row.scale, Measure) else str(value).replace("_", " ")
-

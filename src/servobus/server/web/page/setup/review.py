@@ -15,7 +15,9 @@ class EditBar:
     def __init__(self, bench: Workbench) -> None:
         self.bench = bench
         with ui.element("div").classes("sb-editbar").props("role=region aria-label=Edits") as self._bar:
-            self._text = ui.label("").classes("sb-editbar-text sb-value")
+            with ui.element("div").classes("sb-editbar-words sb-value"):
+                self._text = ui.label("").classes("sb-editbar-text")
+                self._worn = ui.label("").classes("sb-muted sb-small")
             ui.space()
             self._undo = _flat("Undo", self._bring_back)
             self._close = _flat("Close", bench.forget_undo)
@@ -32,11 +34,8 @@ class EditBar:
         for one in (self._undo, self._close):
             one.set_visibility(bool(undo) and not count)
         worn = len(self.bench.draft.eeprom(keep=True))
-        self._text.set_text(
-            f"{counted(count, 'change')}, {counted(worn, 'write')} to the EEPROM"
-            if count
-            else f"{counted(undo, 'value')} written"
-        )
+        self._text.set_text(counted(count, "change") if count else f"{counted(undo, 'value')} written")
+        self._worn.set_text(f"{counted(worn, 'write')} to the EEPROM" if count else "Undo brings back what was there")
 
     async def _review(self) -> None:
         keep = await review(self.bench)
@@ -89,8 +88,14 @@ async def review(bench: Workbench) -> bool | None:
     try:
         chosen = await dialog
     finally:
-        dialog.delete()
+        close(dialog)
     return None if chosen is None else bool(chosen)
+
+
+def close(dialog: ui.dialog) -> None:
+    """Take a dialog away, unless the tab was closed and has taken it along."""
+    if not dialog.is_deleted:
+        dialog.delete()
 
 
 def diff_line(name: str, old: str, new: str, warning: str = "") -> None:

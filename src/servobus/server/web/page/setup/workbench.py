@@ -5,7 +5,8 @@ from typing import Any
 
 from servobus.core.registers import Register
 from servobus.core.values import frozen
-from servobus.errors import BadValue, ServobusError
+from servobus.errors import BadValue, ServobusError, UsageError
+from servobus.server.web.auth import FRESH
 from servobus.server.web.page.context import PageContext
 from servobus.server.web.page.parts import toast
 from servobus.server.web.page.settings.draft import Draft, Writes
@@ -70,6 +71,16 @@ class Workbench:
         self.show()
         return True
 
+    def require(self, *, fresh: bool = False) -> None:
+        """Raise UsageError for a login that may not change anything, or that is too old for what stays; see `Guard`."""
+        context = self.context
+        if not context.may_change:
+            raise UsageError(f"{context.login.name} may look and stop, and change nothing")
+        application = context.application
+        old = application.authority.now() > context.login.began + FRESH
+        if fresh and old and context.login.kind == "browser" and not application.config.loopback:
+            raise UsageError(f"this needs a login of the last {FRESH / 60:.0f} min: log in again, then repeat it")
+
     # Edits
 
     def type(self, name: str, text: str) -> str:
@@ -121,6 +132,7 @@ class Workbench:
         outcomes: list[Outcome] = []
         for save, values in writes:
             try:
+                self.require()
                 result = await self.bus.write(self.context.actor, self.key, values, save=save)
             except ServobusError as error:
                 with self.context.content:
