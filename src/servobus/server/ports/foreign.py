@@ -101,6 +101,16 @@ class ForeignPort(ABC):
     def __repr__(self) -> str:
         return f"<{self.name}: {self.counts.requests} requests>"
 
+    @property
+    @abstractmethod
+    def port(self) -> str:
+        """What the program opens."""
+
+    @property
+    def bus_name(self) -> str:
+        """The bus that it shares."""
+        return self._bus_name
+
     async def __aenter__(self) -> Self:
         self._loop = asyncio.get_running_loop()
         await self._open()
