@@ -16,9 +16,8 @@ from servobus import BadValue, Disagreement, NoReply, RobotFileError, TorqueOff,
 from servobus.errors import PortError, RobotMismatch
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_text
-from unit.robots.arms import JOINTS
+from unit.robots.arms import JOINTS, goals_in, opened, port_of, servos_of, shaft_angles
 from unit.robots.arms import LIVE as SIX
-from unit.robots.played_arm import goals_in, opened, port_of, servos_of, shaft_angles
 
 STEP = 0.35 * deg
 """The coarsest step of a servo here, 300° / 1023 and 240° / 1000, and a little of noise."""
