@@ -16,7 +16,7 @@ from servobus.core.units import deg, finite, said
 from servobus.core.values import frozen
 from servobus.errors import BadValue, UnknownName
 from servobus.robots.trajectory.limits import JointLimits, limits_of
-from servobus.robots.trajectory.polynomial import Polynomial, bound, derivative, extrema, largest
+from servobus.robots.trajectory.polynomial import Polynomial, at_most, derivative, extrema, largest
 
 QUANTITIES = ("position", "speed", "acceleration", "jerk")
 """What `extremes` is asked for: each is the derivative of the one before."""
@@ -157,7 +157,7 @@ class Path:
             rate = derivative(piece)
             for order, limit in enumerate(bounds, 1):
                 slope = derivative(rate)
-                if bound(rate, end - begin) > limit * most[0] ** order:  # else it asks for less, whatever it is
+                if at_most(rate, end - begin) > limit * most[0] ** order:  # else it asks for less, whatever it is
                     size, time = largest(rate, slope, end - begin)
                     factor = size / limit if order == 1 else (size / limit) ** (1 / order)
                     if factor > most[0]:

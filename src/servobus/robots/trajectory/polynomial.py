@@ -67,7 +67,7 @@ def largest(polynomial: Sequence[float], slope: Sequence[float], end: float) -> 
     return size, time
 
 
-def bound(polynomial: Sequence[float], end: float) -> float:
+def at_most(polynomial: Sequence[float], end: float) -> float:
     """Give what the magnitude does not exceed from 0 to `end`; found much faster than the `largest`."""
     result = 0.0
     for coefficient in reversed(polynomial):
