@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 
 import servobus
 from servobus import BadValue, Bus, Disagreement, NoReply, RobotFileError, TorqueOff, UnknownName, UsageError, deg
-from servobus.errors import PortError, RobotMismatch
+from servobus.errors import MotionError, PortError, RobotMismatch
 from servobus.families import registry
 from servobus.jobs.scan import ScanProgress
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_text
-from servobus.robots.joints.attendance import ids_to_ask
+from servobus.robots.joints.attendance import Attendance, ids_to_ask
+from servobus.robots.teleop import Teleop
 from servobus.virtual.serve.inprocess import VirtualPort
 from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import parse_url
@@ -458,6 +459,63 @@ def test_who_is_there_is_compared_with_the_file(
             servobus.robot(read_text(text))
     else:
         servobus.robot(read_text(text)).close()
+
+
+@pytest.mark.parametrize("bad", ["mx28@1,ax12a@2", "ax12a@1,rx28@2"])
+def test_a_joint_that_another_servo_answers_for_is_neither_read_nor_driven(bad: str) -> None:
+    """An MX-28 tells 4096 steps a turn, so its angles would be wrong by a factor of three."""
+    with servobus.robot(read_text(TWO.replace("rx28@1,ax12a@2", bad)), incomplete=True) as arm:
+        port = arm.buses["main"].transport
+        assert isinstance(port, VirtualPort)
+        shafts = [servo.shaft.position for servo in port.servos]
+        assert "one" in arm.positions().lost
+        assert "one" in arm.look().lost
+        cycle = arm.cycle()
+        assert "one" in cycle.run().lost
+        attempts: list[Callable[[], object]] = [
+            arm.torque_on,
+            arm.one.torque_on,
+            lambda: arm.torque().__enter__(),
+            lambda: arm.move(one=0.1),
+            lambda: arm.one.move(0.1),
+            lambda: cycle.run(one=0.1),
+            lambda: arm.follow("one").wait(),
+            lambda: arm.teach().wait(),
+            arm.one.position,
+        ]
+        for attempt in attempts:
+            with pytest.raises(RobotMismatch, match=r"one: id 1 on port main is .*; until then it is neither read nor"):
+                attempt()
+        assert not any(servo.torque for servo in port.servos)
+        assert [servo.shaft.position for servo in port.servos] == shafts
+        arm.stop()
+        arm.torque_off()
+
+
+def test_who_is_put_right_can_be_used_after_a_new_comparison() -> None:
+    with servobus.robot(read_text(TWO.replace("rx28@1,ax12a@2", "ax12a@1,rx28@2")), incomplete=True) as arm:
+        assert arm.one.mistaken
+        arm.attendance = Attendance("arm", ())
+        assert not arm.one.mistaken
+        assert not arm.positions().lost
+
+
+def test_a_pair_of_which_one_servo_is_driven_is_neither_driven_nor_limp(arm: Robot) -> None:
+    arm.lift.torque_on()
+    assert (arm.lift.look().torque, arm.lift.look().limp) == (True, False)
+    arm.lift.parts[1].servo.torque_off()
+    state = arm.lift.look()
+    assert (state.torque, state.limp, state.half) == (False, False, True)
+    assert "torque on of one servo alone" in str(state)
+    teach = arm.teach()  # nobody can move it by hand
+    next(iter(teach))
+    assert arm.lift not in teach.joints
+    with pytest.raises(TorqueOff, match="lift: torque is off"):
+        arm.move(lift=0.1)
+    with pytest.raises(MotionError, match="lift: the torque of the leader is on"):
+        Teleop(arm, arm, {"wrist": "lift"}).wait()
+    arm.lift.torque_off()
+    assert arm.lift.look().limp
 
 
 @pytest.mark.parametrize(

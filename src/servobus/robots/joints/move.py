@@ -26,7 +26,7 @@ from servobus.jobs.move import (
     wait_arrival,
 )
 from servobus.robots.joints import jobs
-from servobus.robots.joints.joint import Joint
+from servobus.robots.joints.joint import Joint, check_meant
 from servobus.robots.steps import RobotJob, each, together
 
 
@@ -73,6 +73,7 @@ def plan_joints(
     for name, value in (("time", time), ("speed", speed)):
         if value is not None:
             check_above_0(name, value)
+    check_meant(goals)
     targets = {joint: joint.check(angle) for joint, angle in goals.items()}
     pairs = [joint for joint in targets if len(joint.parts) > 1]
     if pairs:
