@@ -183,7 +183,7 @@ def test_servos_of_dynamixel_hardware_come_in() -> None:
     assert (base.name, base.id, base.baud, base.model.key(), base.direction, base.ratio) == (
         "base", 3, 1_000_000, "mx28", -1, 2.0,
     )  # fmt: skip
-    # joint = (servo - middle) / gear_ratio - offset; an MX-28 has 4096 counts to a turn (e-manual), and its middle is 2048
+    # joint = (servo - middle) / gear_ratio - offset; an MX-28 has 4096 counts a turn (e-manual)
     middle = 180 * deg
     for servo in (1.0, 3.0, 5.0):
         assert base.servos[0].axis.to_joint(servo) == pytest.approx((servo - middle) / -2 - 0.25, abs=2e-6)
