@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar
 from servobus.bus.base import BaseBus
 from servobus.bus.blocking import Bus
 from servobus.core.exchange import Job, Pause
-from servobus.core.operation import Priority
+from servobus.core.operation import Awaiting, Blocking, Priority
 from servobus.errors import ServobusError, UsageError
 from servobus.robots.steps import RobotJob, Together
 
@@ -51,7 +51,7 @@ class Ports(Generic[B]):
                 bus.transport.sleep(behind)
 
 
-class BlockingPorts(Ports[Bus]):
+class BlockingPorts(Blocking, Ports[Bus]):
     """The ports of a blocking robot."""
 
     def __init__(self, buses: Mapping[str, Bus]) -> None:
@@ -63,7 +63,7 @@ class BlockingPorts(Ports[Bus]):
         if self._threads is not None:
             self._threads.shutdown(wait=False)
 
-    def do(self, job: RobotJob[T], priority: Priority) -> T:
+    def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
         """Carry out a job of the robot."""
         answer: Any = None
         try:
@@ -110,3 +110,27 @@ class BlockingPorts(Ports[Bus]):
         if self._threads is None:
             self._threads = ThreadPoolExecutor(len(self.buses), thread_name_prefix="servobus-port")
         return self._threads.submit(work, *args)
+
+
+class OnPorts(Blocking):
+    """What has its jobs carried out on the ports of a blocking robot."""
+
+    _ports: Any
+    """`BlockingPorts`; what is written once for both drivers has ports of either kind."""
+
+    def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
+        """Carry out a job of the robot."""
+        done: T = self._ports.do(job, priority=priority)
+        return done
+
+
+class AsyncOnPorts(Awaiting):
+    """What has its jobs carried out on the ports of an asynchronous robot."""
+
+    _ports: Any
+    """`AsyncPorts`, which stand elsewhere, since asyncio is slow to import."""
+
+    async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
+        """Carry out a job of the robot."""
+        done: T = await self._ports.do(job, priority=priority)
+        return done

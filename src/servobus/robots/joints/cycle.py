@@ -10,7 +10,7 @@ any is sent. Joints that do not answer are `lost` in the result, and the others 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 from servobus.bus.cycle import Cycle, Result
 from servobus.bus.rate import Rate
@@ -20,12 +20,10 @@ from servobus.core.operation import Awaiting, Blocking, Priority, bus_method, ur
 from servobus.core.registers import Register
 from servobus.errors import ServobusError
 from servobus.robots.joints import jobs
-from servobus.robots.joints.joint import Joint, Part, check_meant
-from servobus.robots.ports import Ports
+from servobus.robots.joints.joint import Joint, check_meant
+from servobus.robots.ports import AsyncOnPorts, OnPorts, Ports
 from servobus.robots.steps import RobotJob, each
 from servobus.robots.values import ByJoint, named_angles
-
-T = TypeVar("T")
 
 
 class RobotResult(ByJoint[dict[str, Any]]):
@@ -76,13 +74,9 @@ class RobotCycle:
         self._ports, self.joints = ports, list(joints)
         self._names = [joint.name for joint in joints]
         self._by_name = {joint.name: joint for joint in joints}
-        parts: dict[str, list[Part]] = {}
-        for joint in joints:
-            for part in joint.parts:
-                parts.setdefault(part.port, []).append(part)
         self.cycles = {
             port: Cycle(ports.buses[port].transport, [part.servo for part in there], read, ("goal_position",), time)
-            for port, there in parts.items()
+            for port, there in jobs.on_each_port(joints, list).items()
         }
         """The cycle of each port."""
 
@@ -153,27 +147,9 @@ def _stamped(cycle: Cycle, goals: Mapping[Servo, float] | None) -> Procedure[tup
     return result, moment
 
 
-class BlockingRobotCycle(Blocking, RobotCycle):
+class BlockingRobotCycle(OnPorts, RobotCycle):
     """A cycle of a blocking robot."""
 
-    def __init__(self, robot: Blocking, *args: Any) -> None:
-        self._robot = robot
-        super().__init__(*args)
 
-    def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of the robot."""
-        result: T = self._robot.do(job, priority=priority)
-        return result
-
-
-class AsyncRobotCycle(Awaiting, RobotCycle):
+class AsyncRobotCycle(AsyncOnPorts, RobotCycle):
     """A cycle of an asynchronous robot: `await cycle.run(...)`, `async for tick in cycle.every(...)`."""
-
-    def __init__(self, robot: Awaiting, *args: Any) -> None:
-        self._robot = robot
-        super().__init__(*args)
-
-    async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of the robot."""
-        result: T = await self._robot.do(job, priority=priority)
-        return result

@@ -110,7 +110,7 @@ class Streamed(Turns[K]):
     """
 
     def __init__(self, ports: Ports[Any], joints: Sequence[Joint], rate: float) -> None:
-        super().__init__(ports.now, rate)
+        super().__init__(ports, rate)
         self.joints = list(joints)
         self.limits = {joint.name: limits_of(joint) for joint in joints}
         self.cycle = RobotCycle(ports, self.joints, "present_position", self.period)

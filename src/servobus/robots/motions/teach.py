@@ -60,12 +60,12 @@ class Teach(Turns[TeachTick]):
     def __init__(
         self, ports: Ports[Any], joints: Sequence[Joint], rate: float, keep: Path | None, *, named: bool
     ) -> None:
-        super().__init__(ports.now, rate)
+        super().__init__(ports, rate)
         self.joints = list(joints)
         self.moments: list[Moment] = []
         self.poses: list[dict[str, float]] = []
         self.keep = keep
-        self._ports, self._named = ports, named
+        self._named = named
         self._recorder: Recorder | None = None
         self._cycle: RobotCycle | None = None
         self._began = 0.0
