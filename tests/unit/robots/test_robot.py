@@ -23,9 +23,8 @@ from servobus.robots.teleop import Teleop
 from servobus.virtual.serve.inprocess import VirtualPort
 from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import parse_url
-from unit.robots.arms import JOINTS
+from unit.robots.arms import JOINTS, goals_in, opened, port_of, servos_of, shaft_angles
 from unit.robots.arms import LIVE as SIX
-from unit.robots.played_arm import goals_in, opened, port_of, servos_of, shaft_angles
 
 STEP = 0.35 * deg
 """The coarsest step of a servo here, 300° / 1023 and 240° / 1000, and a little of noise."""
@@ -192,6 +191,24 @@ def test_a_move_without_a_time_keeps_the_speed_of_each_joint(stiff: Robot) -> No
         stiff.move(base=0, time=1, speed=1)
     with pytest.raises(UsageError, match="a move of no joints"):
         stiff.move()
+
+
+def test_a_move_has_time_for_the_acceleration_of_each_joint() -> None:
+    text = SIX.replace("# acceleration", "acceleration").replace(
+        'limits = ["-70deg", "100deg"]', 'limits = ["-70deg", "100deg"]\nacceleration = "100deg/s2"\njerk = "400deg/s3"'
+    )
+    with servobus.robot(read_text(text)) as arm:
+        start = arm.base.position()
+        # From rest to rest a way d takes d / V + V / A, and 2 √(d / A) where V is not reached.
+        assert arm.plan_move(base=start + 80 * deg).duration == pytest.approx(80 / 120 + 120 / 400, rel=0.02)
+        assert arm.plan_move(base=start + 9 * deg, speed=300 * deg).duration == pytest.approx(2 * 0.15, rel=0.05)
+        # With jerk, where A is not reached: 4 ∛(d / 2J).
+        way = arm.wrist.position() + 4 * deg
+        assert arm.plan_move(wrist=way, speed=300 * deg).duration == pytest.approx(4 * (4 / 800) ** (1 / 3), rel=0.05)
+        with pytest.raises(BadValue, match=r"base: 80.* in 900 ms is faster than its 400\.0°/s²; give it 967"):
+            arm.plan_move(base=start + 80 * deg, time=0.9)
+        with pytest.raises(BadValue, match=r"base: 80.* is faster than its 120\.0°/s; give it"):
+            arm.plan_move(base=start + 80 * deg, time=0.5)
 
 
 @pytest.mark.parametrize(
