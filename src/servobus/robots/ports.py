@@ -1,6 +1,6 @@
 """The ports of a robot: steps of its jobs carried out on all of them side by side.
 
-On real ports each has a thread of its own for the time of a step, or the tasks of a loop are gathered. Ports of virtual
+On real ports one thread waits for all of them at once, or the tasks of a loop are gathered. Ports of virtual
 servos on a virtual clock are used one after the other, each from the same moment; then those that were done sooner wait
 for the last. So a step takes as long as its longest job on both kinds.
 """
@@ -12,6 +12,7 @@ from typing import Any, Generic, TypeVar
 
 from servobus.bus.base import BaseBus
 from servobus.bus.blocking import Bus
+from servobus.bus.side_by_side import run_side_by_side
 from servobus.core.exchange import Job, Pause
 from servobus.core.operation import Priority
 from servobus.errors import ServobusError, UsageError
@@ -94,11 +95,9 @@ class BlockingPorts(Ports[Bus]):
             outcomes = {port: one(port, job) for port, job in jobs.items()}
             self.align(self.now())
             return outcomes
-        # One of the jobs is this thread's own: a robot with one port needs no other.
-        (own, own_job), *others = jobs.items()
-        running = [(port, self._begin(one, port, job)) for port, job in others]
-        outcomes = {own: one(own, own_job)}
-        return outcomes | {port: future.result() for port, future in running}
+        if len(jobs) == 1:
+            return {port: one(port, job) for port, job in jobs.items()}
+        return run_side_by_side({port: (self.buses[port], job) for port, job in jobs.items()}, priority, self._begin)
 
     def _pause(self, seconds: float) -> None:
         if self.real:
@@ -106,7 +105,7 @@ class BlockingPorts(Ports[Bus]):
         else:
             self.align(self.now() + seconds)
 
-    def _begin(self, work: Callable[..., Any], *args: Any) -> "Future[Any]":
+    def _begin(self, work: Callable[[], Any]) -> "Future[Any]":
         if self._threads is None:
             self._threads = ThreadPoolExecutor(len(self.buses), thread_name_prefix="servobus-port")
-        return self._threads.submit(work, *args)
+        return self._threads.submit(work)
