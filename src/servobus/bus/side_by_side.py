@@ -124,6 +124,7 @@ def run_side_by_side(
                 if run.over:
                     del here[name]
                 elif type(run.wait) is Rest and run.wait.shared:
+                    run.bus.line.give_way(run.turn)  # at once: all threads may be waiting for this very line
                     elsewhere[name] = in_thread(here.pop(name).alone)
     finally:
         for run in here.values():

@@ -46,7 +46,9 @@ class Ports(Generic[B]):
         return moment - self._behind[port] if self.real else moment
 
     def align(self, moment: float) -> None:
-        """Let all ports on a virtual clock stand at this moment, unless they are beyond."""
+        """Let all ports on a virtual clock stand at this moment, unless they are beyond; a real one goes by itself."""
+        if self.real:
+            return
         for bus in self.buses.values():
             if (behind := moment - bus.transport.now()) > 0:
                 bus.transport.sleep(behind)
@@ -84,20 +86,19 @@ class BlockingPorts(Ports[Bus]):
             job.close()
 
     def _together(self, jobs: Mapping[str, Job[Any]], priority: Priority) -> dict[str, Any]:
-        def one(port: str, job: Job[Any]) -> Any:
-            try:
-                return self.buses[port].do(job, priority=priority)
-            except ServobusError as error:
-                return error
+        if len(jobs) > 1 and self.real:
+            there = {port: (self.buses[port], job) for port, job in jobs.items()}
+            return run_side_by_side(there, priority, self._begin)
+        self.align(self.now())
+        outcomes = {port: self._one(port, job, priority) for port, job in jobs.items()}
+        self.align(self.now())
+        return outcomes
 
-        if not self.real:
-            self.align(self.now())
-            outcomes = {port: one(port, job) for port, job in jobs.items()}
-            self.align(self.now())
-            return outcomes
-        if len(jobs) == 1:
-            return {port: one(port, job) for port, job in jobs.items()}
-        return run_side_by_side({port: (self.buses[port], job) for port, job in jobs.items()}, priority, self._begin)
+    def _one(self, port: str, job: Job[Any], priority: Priority) -> Any:
+        try:
+            return self.buses[port].do(job, priority=priority)
+        except ServobusError as error:
+            return error
 
     def _pause(self, seconds: float) -> None:
         if self.real:

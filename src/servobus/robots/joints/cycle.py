@@ -124,15 +124,16 @@ class RobotCycle:
     def _result(self, results: Mapping[str, Result], times: Mapping[str, float]) -> RobotResult:
         values: dict[str, dict[str, Any]] = {}
         lost: dict[str, ServobusError] = {}
+        came = {port: result.by_servo for port, result in results.items()}
         for joint in self.joints:
-            seen = []
+            seen: list[dict[str, Any]] = []
             for part in joint.parts:
-                result = results[part.port]
-                if part.servo in result.lost:
-                    lost.setdefault(joint.name, result.lost[part.servo])
-                else:
-                    seen.append(result[part.servo])
-            if joint.name not in lost:
+                one = came[part.port].get(part.servo)
+                if one is None:
+                    lost[joint.name] = results[part.port].lost[part.servo]
+                    break
+                seen.append(one)
+            else:
                 values[joint.name] = {name: jobs.joined(joint, name, [one[name] for one in seen]) for name in seen[0]}
         return RobotResult(values, lost, times, results)
 

@@ -131,6 +131,8 @@ def servo_angles(joints: Sequence[Joint]) -> RobotJob[tuple[dict[Part, float], d
 def joined(joint: Joint, name: str, values: Sequence[Any]) -> Any:
     """Give what the servos of a joint say as one value of the joint."""
     turned = [to_joint(part.axis, name, value) for part, value in zip(joint.parts, values, strict=True)]
+    if len(turned) == 1:
+        return turned[0]
     if name == "present_position":
         agree(joint, turned)
     return sum(turned) / len(turned) if name in (*ANGLES, *RATES) else turned[0]
