@@ -12,13 +12,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import servobus
-from servobus import BadValue, Disagreement, NoReply, RobotFileError, TorqueOff, UnknownName, UsageError, deg
-from servobus.errors import PortError, RobotMismatch
+from servobus import BadValue, Bus, Disagreement, NoReply, RobotFileError, TorqueOff, UnknownName, UsageError, deg
+from servobus.errors import MotionError, PortError, RobotMismatch
+from servobus.families import registry
+from servobus.jobs.scan import ScanProgress
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_text
-from unit.robots.arms import JOINTS
+from servobus.robots.joints.attendance import Attendance, ids_to_ask
+from servobus.robots.teleop import Teleop
+from servobus.virtual.serve.inprocess import VirtualPort
+from servobus.virtual.serve.rig import build_rig
+from servobus.virtual.serve.spec import parse_url
+from unit.robots.arms import JOINTS, goals_in, opened, port_of, servos_of, shaft_angles
 from unit.robots.arms import LIVE as SIX
-from unit.robots.played_arm import goals_in, opened, port_of, servos_of, shaft_angles
 
 STEP = 0.35 * deg
 """The coarsest step of a servo here, 300° / 1023 and 240° / 1000, and a little of noise."""
@@ -185,6 +191,24 @@ def test_a_move_without_a_time_keeps_the_speed_of_each_joint(stiff: Robot) -> No
         stiff.move(base=0, time=1, speed=1)
     with pytest.raises(UsageError, match="a move of no joints"):
         stiff.move()
+
+
+def test_a_move_has_time_for_the_acceleration_of_each_joint() -> None:
+    text = SIX.replace("# acceleration", "acceleration").replace(
+        'limits = ["-70deg", "100deg"]', 'limits = ["-70deg", "100deg"]\nacceleration = "100deg/s2"\njerk = "400deg/s3"'
+    )
+    with servobus.robot(read_text(text)) as arm:
+        start = arm.base.position()
+        # From rest to rest a way d takes d / V + V / A, and 2 √(d / A) where V is not reached.
+        assert arm.plan_move(base=start + 80 * deg).duration == pytest.approx(80 / 120 + 120 / 400, rel=0.02)
+        assert arm.plan_move(base=start + 9 * deg, speed=300 * deg).duration == pytest.approx(2 * 0.15, rel=0.05)
+        # With jerk, where A is not reached: 4 ∛(d / 2J).
+        way = arm.wrist.position() + 4 * deg
+        assert arm.plan_move(wrist=way, speed=300 * deg).duration == pytest.approx(4 * (4 / 800) ** (1 / 3), rel=0.05)
+        with pytest.raises(BadValue, match=r"base: 80.* in 900 ms is faster than its 400\.0°/s²; give it 967"):
+            arm.plan_move(base=start + 80 * deg, time=0.9)
+        with pytest.raises(BadValue, match=r"base: 80.* is faster than its 120\.0°/s; give it"):
+            arm.plan_move(base=start + 80 * deg, time=0.5)
 
 
 @pytest.mark.parametrize(
@@ -434,6 +458,8 @@ def findings(text: str) -> list[tuple[str, str, str]]:
         (SIX, "rx28@1-3", "rx28@1-2", [("missing", "lift", "base")]),
         (SIX, "drs0602@1-2", "drs0602@2", [("missing", "elbow", "upper")]),
         (SIX, "rx28@1-3", "rx28@1-3,7", [("stranger", "", "base")]),
+        (SIX, "rx28@1-3", "rx28@1-3,200", [("stranger", "", "base")]),
+        (SIX, "rx28@1-3", "rx28@1-3,rx28@7,model_number=1060", [("stranger", "", "base")]),
         (SIX, "rx28@1-3", "ax12a@1,rx28@2-3", [("missing", "base", "base")]),
         (TWO, "rx28@1,ax12a@2", "rx28@1,ax12a@2", []),
         (TWO, "rx28@1,ax12a@2", "mx28@1,ax12a@2", [("wrong model", "one", "main")]),
@@ -450,6 +476,109 @@ def test_who_is_there_is_compared_with_the_file(
             servobus.robot(read_text(text))
     else:
         servobus.robot(read_text(text)).close()
+
+
+@pytest.mark.parametrize("bad", ["mx28@1,ax12a@2", "ax12a@1,rx28@2"])
+def test_a_joint_that_another_servo_answers_for_is_neither_read_nor_driven(bad: str) -> None:
+    """An MX-28 tells 4096 steps a turn, so its angles would be wrong by a factor of three."""
+    with servobus.robot(read_text(TWO.replace("rx28@1,ax12a@2", bad)), incomplete=True) as arm:
+        port = arm.buses["main"].transport
+        assert isinstance(port, VirtualPort)
+        shafts = [servo.shaft.position for servo in port.servos]
+        assert "one" in arm.positions().lost
+        assert "one" in arm.look().lost
+        cycle = arm.cycle()
+        assert "one" in cycle.run().lost
+        attempts: list[Callable[[], object]] = [
+            arm.torque_on,
+            arm.one.torque_on,
+            lambda: arm.torque().__enter__(),
+            lambda: arm.move(one=0.1),
+            lambda: arm.one.move(0.1),
+            lambda: cycle.run(one=0.1),
+            lambda: arm.follow("one").wait(),
+            lambda: arm.teach().wait(),
+            arm.one.position,
+        ]
+        for attempt in attempts:
+            with pytest.raises(RobotMismatch, match=r"one: id 1 on port main is .*; until then it is neither read nor"):
+                attempt()
+        assert not any(servo.torque for servo in port.servos)
+        assert [servo.shaft.position for servo in port.servos] == shafts
+        arm.stop()
+        arm.torque_off()
+
+
+def test_who_is_put_right_can_be_used_after_a_new_comparison() -> None:
+    with servobus.robot(read_text(TWO.replace("rx28@1,ax12a@2", "ax12a@1,rx28@2")), incomplete=True) as arm:
+        assert arm.one.mistaken
+        arm.attendance = Attendance("arm", ())
+        assert not arm.one.mistaken
+        assert not arm.positions().lost
+
+
+def test_a_pair_of_which_one_servo_is_driven_is_neither_driven_nor_limp(arm: Robot) -> None:
+    arm.lift.torque_on()
+    assert (arm.lift.look().torque, arm.lift.look().limp) == (True, False)
+    arm.lift.parts[1].servo.torque_off()
+    state = arm.lift.look()
+    assert (state.torque, state.limp, state.half) == (False, False, True)
+    assert "torque on of one servo alone" in str(state)
+    teach = arm.teach()  # nobody can move it by hand
+    next(iter(teach))
+    assert arm.lift not in teach.joints
+    with pytest.raises(TorqueOff, match="lift: torque is off"):
+        arm.move(lift=0.1)
+    with pytest.raises(MotionError, match="lift: the torque of the leader is on"):
+        Teleop(arm, arm, {"wrist": "lift"}).wait()
+    arm.lift.torque_off()
+    assert arm.lift.look().limp
+
+
+@pytest.mark.parametrize(
+    ("text", "good", "bad", "told"),
+    [
+        (SIX, "rx28@1-3", "rx28@1-3,12", "RX-28 id 12 at 57600"),
+        (SIX, "lx16a@1-2", "lx16a@1-2,20", "id 20 at 115200"),
+        (SIX, "rx28@1-3", "rx28@1-3,200", ""),  # `check` finds it
+        # New servos come at 57600 baud (RX-28) and 1 Mbit/s (AX-12A) with id 1, by their manuals.
+        (TWO, "rx28@1,ax12a@2?baud=57600", "rx28@1,ax12a@2,ax12a@1?baud=57600", ""),
+    ],
+)
+def test_opening_finds_strangers_where_most_are(text: str, good: str, bad: str, told: str) -> None:
+    with servobus.robot(read_text(text.replace(good, bad)), incomplete=True) as arm:
+        strangers = [one.text for one in arm.attendance.findings if one.kind == "stranger"]
+        assert all(told in one for one in strangers)
+        assert len(strangers) == bool(told)
+        assert arm.ports.now() < 0.5
+
+
+def test_a_new_servo_is_found_at_the_speed_that_it_comes_with() -> None:
+    rig = build_rig(parse_url("virtual:rx28@2,rx28@1?clock=virtual"))
+    text = TWO.replace("id = 1", "id = 2\nbaud = 1000000").partition("[joint.two]")[0]
+    port = VirtualPort("main", rig, real=False)
+    with Bus(port, echo=False) as bus:
+        bus.find(2).change_baud(1_000_000)
+        arm = Robot(read_text(text), {"main": bus})
+        found = arm.check(strangers="near").findings
+    assert [one.text.partition(" is in no joint")[0] for one in found] == [
+        "a stranger on port main: RX-28 id 1 at 57600 baud"
+    ]
+
+
+def test_strangers_are_looked_for_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = ids_to_ask(["main"], [], "everywhere")
+    assert asked == 254 * sum(len(registry.bauds(family)) for family in registry.FAMILIES.values())
+    monkeypatch.setattr(registry, "bauds", lambda family: registry.factory_bauds(family)[:1])  # as many as a test needs
+    watched: list[ScanProgress] = []
+    text = TWO.replace("ax12a@2?", "ax12a@2,drs0602@100?").replace("?baud=57600&", "?").replace("baud = 57600", "")
+    with servobus.robot(read_text(text), incomplete=True) as arm:
+        assert arm.attendance
+        found = arm.check(strangers="everywhere", watch=watched.append)
+        assert len(watched) == ids_to_ask(arm.buses, arm, "everywhere") == 254 * 4
+    assert [one.text.partition(" is in no joint")[0] for one in found.findings] == [
+        "a stranger on port main: DRS-0602 id 100 at 115200 baud"
+    ]
 
 
 def test_an_open_robot_tells_who_went(arm: Robot) -> None:
