@@ -117,15 +117,18 @@ def run_side_by_side(
         for name, run in running.items():
             if not run.begin():
                 elsewhere[name] = in_thread(here.pop(name).alone)
-        while here:
-            ready = _wait(list(here.values()))
+        while True:
             for name, run in list(here.items()):
-                run.attend(ready=run.descriptor in ready)
                 if run.over:
                     del here[name]
                 elif type(run.wait) is Rest and run.wait.shared:
                     run.bus.line.give_way(run.turn)  # at once: all threads may be waiting for this very line
                     elsewhere[name] = in_thread(here.pop(name).alone)
+            if not here:
+                break
+            ready = _wait(list(here.values()))
+            for run in here.values():
+                run.attend(ready=run.descriptor in ready)
     finally:
         for run in here.values():
             run.drop()

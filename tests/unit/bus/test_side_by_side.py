@@ -140,6 +140,20 @@ def test_a_line_in_use_is_waited_for_in_a_thread(shop: Shop) -> None:
     assert shop.events.index("ask left") > shop.events.index("hear right")
 
 
+def test_a_job_may_end_before_it_asks_anything(shop: Shop) -> None:
+    def ends() -> Procedure[int]:
+        yield from ()
+        return 1
+
+    def fails() -> Procedure[None]:
+        yield from ()
+        raise PortError("no")
+
+    came = shop.run(left=ends(), middle=fails(), right=read())
+    assert isinstance(came.pop("middle"), PortError)
+    assert came == {"left": 1, "right": WARM}
+
+
 def test_silence_on_one_port_is_no_matter_of_the_others(shop: Shop) -> None:
     shop.ports["middle"].script = []
     came = shop.run(left=read(), middle=read(), right=read())
@@ -201,11 +215,12 @@ def test_ctrl_c_in_one_job_breaks_all_off(shop: Shop) -> None:
     assert closed == [True, True]
 
 
-def test_in_a_shared_pause_others_use_the_line(shop: Shop) -> None:
+@pytest.mark.parametrize("asked_before", [0, 1])
+def test_in_a_shared_pause_others_use_the_line(shop: Shop, asked_before: int) -> None:
     paused, used = threading.Event(), threading.Event()
 
     def pauses() -> Procedure[list[bytes]]:
-        first = yield from read(1)
+        first = yield from read(asked_before)
         paused.set()
         while not used.is_set():
             yield Pause(0.001, shared=True)
@@ -219,5 +234,5 @@ def test_in_a_shared_pause_others_use_the_line(shop: Shop) -> None:
             used.set()
 
     asked = shop.threads.submit(other)
-    assert shop.run(left=pauses(), right=read()) == {"left": WARM, "right": WARM}
+    assert shop.run(left=pauses(), right=read()) == {"left": WARM[: asked_before + 1], "right": WARM}
     assert asked.result() == [b"\x20"]
