@@ -62,6 +62,10 @@ class ServobusError(Exception):
         else:
             self.add_note(said)
 
+    def tell_whose(self, name: str) -> None:
+        """Say in the message what the error came of, such as the name of a joint."""
+        self.args = (f"{name}: {self}", *self.args[1:])
+
 
 class UsageError(ServobusError, ValueError):
     """What was asked makes no sense. Nothing was sent."""
