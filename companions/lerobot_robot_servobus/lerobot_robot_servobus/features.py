@@ -6,7 +6,6 @@ from typing import Any
 from servobus import BadValue, UnknownName, deg
 from servobus.core.units import finite, said
 from servobus.robots.file.entries import RobotFile
-from servobus.robots.values import ByJoint
 
 POS = ".pos"
 
@@ -56,10 +55,3 @@ class Features:
     def _value(self, name: str, angle: float) -> float:
         low, high = self.ranges[name]
         return (angle - low) / (high - low) * 100 if name in self.percent else angle / deg
-
-
-def complete(read: ByJoint[float]) -> dict[str, float]:
-    """Give the angles of all joints. Raises what came instead of the answer of one."""
-    for error in read.lost.values():
-        raise error
-    return dict(read)

@@ -9,10 +9,8 @@ from lerobot.robots.robot import Robot
 from lerobot.utils.decorators import check_if_already_connected, check_if_not_connected
 
 import servobus
+from lerobot_robot_servobus.device import Device
 from lerobot_robot_servobus.driving import Driving
-from lerobot_robot_servobus.features import Features, complete
-from servobus.robots.blocking import Robot as Arm
-from servobus.robots.file.reading import read_file
 
 
 @RobotConfig.register_subclass("servobus")
@@ -33,7 +31,7 @@ class ServobusRobotConfig(RobotConfig):
     cameras: dict[str, CameraConfig] = field(default_factory=dict)
 
 
-class ServobusRobot(Robot):
+class ServobusRobot(Device, Robot):
     """The joints of a robot file, read and led at the rate of LeRobot."""
 
     config_class = ServobusRobotConfig
@@ -41,29 +39,13 @@ class ServobusRobot(Robot):
 
     def __init__(self, config: ServobusRobotConfig) -> None:
         super().__init__(config)
-        self.config = config
-        self.file = read_file(config.file)
-        self.features = Features(self.file, config.percent)
         self.cameras = make_cameras_from_configs(config.cameras)
-        self._arm: Arm | None = None
         self._driving: Driving | None = None
 
     @property
     def observation_features(self) -> dict[str, type | tuple[int, ...]]:
         images = {name: (camera.height, camera.width, 3) for name, camera in self.cameras.items()}
         return {**self.features.types, **images}
-
-    @property
-    def action_features(self) -> dict[str, type]:
-        return self.features.types
-
-    @property
-    def is_connected(self) -> bool:
-        return self._arm is not None
-
-    @property
-    def is_calibrated(self) -> bool:
-        return True  # zero, direction and limits stand in the robot file
 
     @check_if_already_connected
     def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002 - there is nothing to calibrate
@@ -84,19 +66,10 @@ class ServobusRobot(Robot):
             raise
         self._arm, self._driving = arm, Driving(arm)
 
-    def calibrate(self) -> None:
-        """Do nothing: `servobus robot calibrate` does it, and the robot file has the result."""
-
-    def configure(self) -> None:
-        """Do nothing: `servobus robot apply` writes the settings that the robot file names."""
-
     @check_if_not_connected
     def get_observation(self) -> RobotObservation:
         """Read all joints at once, and take the latest pictures. A joint that does not answer is asked once more."""
-        assert self._arm is not None
-        read = self._arm.positions()
-        seen = self.features.values(complete(self._arm.positions() if read.lost else read))
-        return {**seen, **{name: camera.read_latest() for name, camera in self.cameras.items()}}
+        return {**self._positions(), **{name: camera.read_latest() for name, camera in self.cameras.items()}}
 
     @check_if_not_connected
     def send_action(self, action: RobotAction) -> RobotAction:

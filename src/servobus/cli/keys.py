@@ -2,6 +2,7 @@
 
 import os
 import sys
+import time
 from types import TracebackType
 from typing import Any, Self
 
@@ -39,19 +40,25 @@ class Keys:
 
     def pressed(self) -> str:
         """Give the keys pressed since it was asked last; "" for none. Never waits."""
+        return self.wait(0.0)
+
+    def wait(self, seconds: float) -> str:
+        """Give the keys pressed since it was asked last, or the next one; "" if none comes within so many s."""
         if not self.there:
             return ""
         if sys.platform == "win32":
             import msvcrt  # noqa: PLC0415 - only Windows has it
 
-            keys = ""
+            keys, end = "", time.monotonic() + seconds
+            while not msvcrt.kbhit() and time.monotonic() < end:
+                time.sleep(0.005)
             while msvcrt.kbhit():
                 keys += msvcrt.getwch()
             return keys
         import select  # noqa: PLC0415 - only terminals need it
 
         try:
-            if not select.select([sys.stdin], [], [], 0)[0]:
+            if not select.select([sys.stdin], [], [], seconds)[0]:
                 return ""
             data = os.read(sys.stdin.fileno(), 1024)
         except OSError:

@@ -23,8 +23,8 @@ DEADLINE = 0.5
 class Attempt(Protocol):
     """Sends one or several questions once, and waits for their replies; gives a result or a BusError for each.
 
-    Raises the BusError that kept them from being sent. `begun` is what was heard if they are sent already. With
-    `yields` the list is shorter, and the rest was not sent, where another job waits for the line.
+    Raises the BusError that kept them from being sent. `begun` is what was heard if they are sent already. The list may
+    be shorter, and the rest was not sent then; so with `yields` where another job waits for the line.
     """
 
     def __call__(

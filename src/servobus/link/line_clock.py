@@ -20,6 +20,8 @@ class Timing:
     """s from the first bit of the request to the last of the reply, at most."""
     wire: float
     """s of these that the bits take."""
+    soon: float
+    """s from the first bit of the request until another may be sent though no reply has come."""
     counts: Counts
 
 
@@ -91,12 +93,16 @@ class LineClock:
         longest = exchange.framing.overhead + max(max(reply.sizes) for reply in exchange.replies)
         return (1 + exchange.framing.baud_tolerance) * (exchange.max_delay + longest * self.byte_time)
 
-    def timing(self, exchange: Exchange[Any], counts: Counts) -> Timing:
-        """Work out the times of an exchange at the present speed, at which it is about to be sent."""
+    def timing(self, exchange: Exchange[Any], counts: Counts, answered_within: float) -> Timing:
+        """Work out the times of an exchange at the present speed, at which it is about to be sent.
+
+        Its reply is off the wire so many s after the request.
+        """
         self._used = True
         request = len(exchange.request) * self.byte_time
         window = request + self.longest_answer(exchange)
-        return Timing((exchange,), window, request + exchange.reply_size * self.byte_time, counts)
+        wire = request + exchange.reply_size * self.byte_time
+        return Timing((exchange,), window, wire, request + answered_within, counts)
 
     def follow(self, other: "LineClock", seconds: float) -> None:
         """Take over from the clock of another link, whose last bytes have left in so many seconds at the latest."""

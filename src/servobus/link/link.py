@@ -145,7 +145,7 @@ class Link:
         self._began = 0.0
         """Time at which the fast path sent its request."""
         self._timings: dict[Exchange[Any], Timing] = {}
-        self._timing = Timing((), 0.0, 0.0, Counts())
+        self._timing = Timing((), 0.0, 0.0, 0.0, Counts())
 
     @property
     def stats(self) -> Stats:
@@ -306,7 +306,9 @@ class Link:
         """Work out the times of an exchange at the present speed, once."""
         if len(self._timings) > 1000:
             self._timings.clear()  # the program makes its questions anew each time
-        timing = self._timings[exchange] = self._clock.timing(exchange, self.log.counts(exchange, exchange.id))
+        soon = self._pipeline.answered_within(exchange, self._clock.byte_time)
+        timing = self._clock.timing(exchange, self.log.counts(exchange, exchange.id), soon)
+        self._timings[exchange] = timing
         return timing
 
     # The long way: one attempt at one or several questions
@@ -321,8 +323,15 @@ class Link:
     ) -> Waits[list[Any]]:
         """Send one or several questions and wait for their replies; give a result or a BusError for each.
 
-        Raises the BusError that kept them from being sent. See `Attempt`.
+        Where the fast path ends before all are asked, the list is shorter. Raises the BusError that kept them from
+        being sent. See `Attempt`.
         """
+        looked: list[Any] = []
+        if begun is None and not fence:
+            looked, begun = yield from self._at_a_look(exchanges)
+            if looked and begun is None:
+                return looked
+            exchanges = exchanges[len(looked) :]
         refused: dict[int, BusError] = {}
         if begun is None:
             refused = yield from self._ready(exchanges, fence=fence)
@@ -336,16 +345,10 @@ class Link:
         left: list[float] = []
         unsure = False
         try:
-            if begun is None:
-                yield from self._send_all(collector, left, yields=yields)
-            else:
-                self._clock.note_began(self._began, len(collector.sent))
-                self._deadline = self._began + self._timing.window + self.latency.reply_margin
-                left.append(self._clock.clear_at)
-                self._take(collector, begun, left)
+            yield from self._send_all(collector, begun, left, yields=yields)
             yield from self._receive(collector, self._deadline, left)
             outcomes, unsure = self._judge(collector, older, left)
-            return outcomes
+            return [*looked, *outcomes]
         finally:
             # They may still come, even if the wait for them was closed.
             broken = len(exchanges) == 1 and collector.noisy and not collector.strangers
@@ -371,31 +374,76 @@ class Link:
             return exchange.framing.probe + exchange.request
         return exchange.request
 
-    def _send_all(self, collector: ReplyCollector, left: list[float], *, yields: bool) -> Waits[None]:
+    def _at_a_look(self, exchanges: Sequence[Exchange[Any]]) -> Waits[tuple[list[Any], bytes | None]]:
+        """Ask one after the other on the fast path, as far as it goes; give their outcomes.
+
+        And what was heard of the next one, if that was sent and its reply takes more than a look. It is given up so
+        soon that the long way still sends the others before that reply is overdue.
+        """
+        outcomes: list[Any] = []
+        several = len(exchanges) > 1
+        if several and (exchanges[0].framing.filler or not self._pipeline.settled):
+            return outcomes, None  # they are better asked all at once, or there is something to learn from them
+        yield from self._calm_down()
+        for exchange in exchanges:
+            if not (window := self.try_fast_send(exchange)):
+                break
+            if several:
+                window = min(window, self._timing.soon)
+            try:
+                heard = yield Receive(window)
+            except BaseException:
+                self.abandon()
+                raise
+            try:
+                outcome = self.try_fast_receive(exchange, heard)
+            except BusError as error:
+                outcome = error
+                if self.log.note_outcomes((exchange,), (error,)):
+                    self.state = UNSURE
+            if outcome is NOT_FAST:
+                return outcomes, heard
+            outcomes.append(outcome)
+        return outcomes, None
+
+    def _calm_down(self) -> Waits[None]:
+        """Let a request leave that nothing answers, such as goals to many servos: then the fast path is open again."""
+        if self.state is CAREFUL and self.echo is False and not self.log.uneasy:
+            yield from self._until(self._clock.clear_at)
+            self.state = IDLE
+
+    def _send_all(
+        self, collector: ReplyCollector, begun: bytes | None, left: list[float], *, yields: bool
+    ) -> Waits[None]:
         """Send the questions so that no two replies can meet; note when each request has left.
 
-        With `yields` those that are left are not sent as soon as another job waits for the line.
+        Where the first is sent already, `begun` is what was heard of it. With `yields` those that are left are not sent
+        as soon as another job waits for the line.
         """
         exchanges, clock = collector.exchanges, self._clock
         self._under_way = exchanges
-        if len(exchanges) == 1:
-            self._send(exchanges, collector.sent)
+        if begun is not None:
+            clock.note_began(self._began, len(collector.sent))
+            self._deadline = self._began + self._timing.window + self.latency.reply_margin
             left.append(clock.clear_at)
-        elif exchanges[0].framing.filler and not self.echo:  # an echo of the fillers could not be told from noise
+            self._take(collector, begun, left)
+        elif len(exchanges) > 1 and exchanges[0].framing.filler and not self.echo:
+            # An echo of the fillers could not be told from noise.
             data, ends = self._pipeline.stream(exchanges, clock.byte_time)
             self._send(exchanges, data)
             left += [clock.clear_at - (len(data) - end) * clock.byte_time for end in ends]
         else:
-            for n, exchange in enumerate(exchanges):
-                if n:
-                    due = clock.clear_at + self._pipeline.answered_within(exchanges[n - 1], clock.byte_time)
-                    yield from self._receive(collector, due, left, wanted=n - 1)
-                    yield from self._until(clock.clear_at)
-                    if yields and n > 1 and self._contended():
-                        collector.cut(n)
-                        break
-                self._send((exchange,), exchange.request)
-                left.append(clock.clear_at)
+            self._send(exchanges[:1], collector.sent)
+            left.append(clock.clear_at)
+        for n in range(len(left), len(exchanges)):
+            due = clock.clear_at + self._pipeline.answered_within(exchanges[n - 1], clock.byte_time)
+            yield from self._receive(collector, due, left, wanted=n - 1)
+            yield from self._until(clock.clear_at)
+            if yields and n > 1 and self._contended():
+                collector.cut(n)
+                break
+            self._send(exchanges[n : n + 1], exchanges[n].request)
+            left.append(clock.clear_at)
 
     def _send(self, exchanges: Sequence[Exchange[Any]], data: bytes) -> None:
         """Send, and work out when to give up."""
@@ -520,7 +568,7 @@ class Link:
         for n, (exchange, reply) in enumerate(asked):
             id = exchange.id if reply is None or reply.id is None else reply.id
             error: BusError | None = self.log.second_replies.pop((exchange.framing, id), None)
-            if error is None and reply is not None and not fence:
+            if error is None and reply is not None and not fence and self.log.uneasy:
                 error = yield from self._fenced(exchange, reply, id)
             if error is not None:
                 refused[n] = error

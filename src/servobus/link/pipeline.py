@@ -56,7 +56,8 @@ Servo: TypeAlias = tuple[Framing, int]
 class Pipeline:
     """What a line has taught about questions that are under way together.
 
-    alone  questions yet to be answered one after the other before several are tried again; 0 if several may go
+    alone    questions yet to be answered one after the other before several are tried again; 0 if several may go
+    settled  whether batches that go well teach nothing more: no gap is wider than it must be, no trouble still counts
     """
 
     def __init__(self) -> None:
@@ -68,6 +69,7 @@ class Pipeline:
         """Servos behind which one reply was garbled in the last batch: by their own reply, or by noise."""
         self._trouble = 0.0
         self.alone = 0.0
+        self.settled = True
         self._span = float(ALONE)
 
     def together(self, exchanges: Sequence[Exchange[Any]], doubtful: Callable[[Exchange[Any]], bool]) -> int:
@@ -125,6 +127,7 @@ class Pipeline:
         servos = [(exchange.framing, exchange.id) for exchange in exchanges]
         met: set[Servo] = set()
         suspected: set[Servo] = set()
+        narrow = True
         for n in garbled - {0}:
             before = servos[n - 1]
             collided = n - 1 in garbled or before in self._suspected
@@ -137,9 +140,11 @@ class Pipeline:
                 self._gaps[servo] = min(max(2 * gap, least), most)
             else:
                 self._gaps[servo] = max(gap * (SLOWLY if servo in self._collided else FAST), least)
+            narrow = narrow and self._gaps[servo] <= least
         self._suspected = suspected
         self._collided |= met
         self._weigh(garbled=bool(garbled))
+        self.settled = narrow and not (suspected or self._trouble)
 
     def learn_alone(self, outcome: Any) -> None:
         """Count a question that was asked alone; begin anew with several when enough went well."""

@@ -208,7 +208,7 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
         async with AsyncExitStack() as stack:
             for bus in self.buses.values():
                 await stack.enter_async_context(bus)
-            refuse(await self.check(strangers=False), incomplete=self._incomplete)
+            refuse(await self.check(strangers="near"), incomplete=self._incomplete)
             self._stack = stack.pop_all()
         return self
 

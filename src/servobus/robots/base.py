@@ -10,15 +10,16 @@ from servobus.core.registers import Register, register_name
 from servobus.errors import UnknownName, UsageError
 from servobus.families.base import StopOutcome
 from servobus.families.record import SafeAction
+from servobus.jobs.scan import Watcher
 from servobus.robots.file.entries import JointEntry, RobotFile
 from servobus.robots.joints import attendance, jobs, move
-from servobus.robots.joints.attendance import Attendance
+from servobus.robots.joints.attendance import Attendance, Sought
 from servobus.robots.joints.jobs import JointState
 from servobus.robots.joints.joint import Joint, Part, parts_of
 from servobus.robots.joints.move import JointMove
 from servobus.robots.joints.protection import Protections
 from servobus.robots.ports import Ports
-from servobus.robots.settings import applying, planning
+from servobus.robots.settings import applying, planning, swaps
 from servobus.robots.settings.applying import Applied
 from servobus.robots.settings.backups import Backups
 from servobus.robots.settings.planning import Plan, limits_alone
@@ -260,15 +261,19 @@ class BaseRobot(JointSet[J], Generic[J, B]):
 
     @bus_method
     @urgent(Priority.SCAN)
-    def check(self, *, strangers: bool = True) -> RobotJob[Attendance]:
+    def check(self, *, strangers: Sought = "file", watch: Watcher | None = None) -> RobotJob[Attendance]:
         """Compare who answers with the file: missing, strangers, wrong models, swapped ones. Moves nothing.
 
-        Strangers are looked for at the speeds of the servos in the file; that takes longest. Without `strangers` only
-        those are found that have the id of a new servo.
+        strangers  "near": at the ids and speeds at which most strangers are, as opening looks for them; "file": at
+                   every id, at the speeds of the servos in the file; "everywhere": at every id, family and speed
+        watch      is told of each id at which strangers were looked for, and may be called from several threads
+
+        Servos of one model that have changed places are told where the file asks for different settings of them
+        (`registers`, `limits_in_servo`) that `apply_settings` has written.
         """
-        found = yield from attendance.check(self.file, self.buses, list(self), strangers=strangers)
-        self.attendance = found
-        return found
+        found = yield from attendance.check(self.file, self.buses, list(self), strangers=strangers, watch=watch)
+        self.attendance = yield from swaps.added(found, list(self))
+        return self.attendance
 
     # Protection
 
@@ -352,8 +357,9 @@ class BaseRobot(JointSet[J], Generic[J, B]):
 
     def _plan(self, joints: Sequence[Joint] | None = None) -> RobotJob[Plan]:
         joints = list(self) if joints is None else joints
-        found = yield from attendance.check(self.file, self.buses, list(self), strangers=False)
-        self.attendance = found
+        found = yield from attendance.check(self.file, self.buses, list(self), strangers="near")
+        # A plan brings swapped settings in order too, so it is made although servos may have changed places.
+        self.attendance = yield from swaps.added(found, list(self))
         return (yield from planning.plan(self.file.name, joints, found.unusable(joints)))
 
     def __getattr__(self, name: str) -> Any:

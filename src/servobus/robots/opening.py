@@ -42,7 +42,7 @@ def robot(file: str | PathLike[str] | RobotFile, *, incomplete: bool = False) ->
         opened = Robot(contents, _opened(contents, stack, Bus))
         stack.callback(opened.close)
         check_safe(opened)
-        refuse(opened.check(strangers=False), incomplete=incomplete)
+        refuse(opened.check(strangers="near"), incomplete=incomplete)
         stack.pop_all()
     return opened
 

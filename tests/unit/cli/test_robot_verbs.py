@@ -3,14 +3,19 @@
 import json
 import tomllib
 from collections.abc import Callable
+from io import StringIO
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from rich.console import Console
 
+import servobus
 from servobus.cli.app import app
+from servobus.cli.robots.show import _entry, _table
 from servobus.core.units import deg
-from servobus.robots.file.reading import read_file
+from servobus.families import registry
+from servobus.robots.file.reading import read_file, read_text
 from unit.cli.conftest import Run
 from unit.cli.test_complete import offered
 from unit.robots.arms import JOINTS, LIVE
@@ -37,7 +42,7 @@ def test_init_takes_defaults(run: Run, tmp_path: Path) -> None:
     assert [(joint.port, joint.id) for joint in joints] == [("port1", 1), ("port1", 2), ("port2", 219)]
     assert [joint.zero / deg for joint in joints] == pytest.approx([150, 150, 0])
     assert "# limits = " in file.text
-    run("robot", "check", path)
+    run("robot", "check", path, "--quick")
 
 
 def test_init_asks_for_names_until_they_can_be_used(run: Run, tmp_path: Path) -> None:
@@ -47,6 +52,23 @@ def test_init_asks_for_names_until_they_can_be_used(run: Run, tmp_path: Path) ->
     assert "there is a joint hip already" in done.stderr
     assert "RX-28 id 1 on virtual:rx28@1-2" in done.stderr
     assert read_file(path).joints["hip"].zero / deg == pytest.approx(149.85, abs=0.3)
+
+
+def test_init_asks_for_models_that_servos_cannot_say(run: Run, tmp_path: Path) -> None:
+    port, path = "virtual:lx16a@11-12,rx28@1,model_number=1060?clock=virtual", tmp_path / "new.toml"
+    done = run("robot", "init", port, "-o", path, "--yes")
+    assert [(joint.id, joint.model.key()) for joint in read_file(path).joints.values()] == [
+        (11, "lx16a"),
+        (12, "lx16a"),
+    ]
+    assert "model unknown, id 12: it cannot say its model, and is taken for lx16a" in done.stderr
+    assert "id 1 is left out: it is of model 1060, which is not known here" in done.stderr
+    path.unlink()
+    done = run("robot", "init", port, "-o", path, "--as-found", input="lx16b\nlx15d\nhip\nnone\n")
+    (hip,) = read_file(path).joints.values()
+    assert (hip.name, hip.id, hip.model.key()) == ("hip", 11, "lx15d")
+    assert hip.zero / deg == pytest.approx(120, abs=0.5)  # an LX-16A stands at 500 of 1000 steps, over 240°
+    assert "'lx16b' is no model of this family: lx16a, lx15d" in done.stderr
 
 
 def test_init_writes_over_nothing(refused: Callable[..., str], arm: Path) -> None:
@@ -65,10 +87,23 @@ def test_init_writes_over_nothing(refused: Callable[..., str], arm: Path) -> Non
 
 
 def test_check_tells_what_is_missing(run: Run, arm: Path) -> None:
-    assert run("robot", "check", arm).stdout == "arm.toml: all servos are there\n"
+    assert run("robot", "check", arm, "--quick").stdout == "arm.toml: all servos are there\n"
     arm.write_text(LIVE.replace("rx28@1-3", "rx28@1-2"))
-    found = json.loads(run("robot", "check", arm, "--json", code=1).stdout)
+    found = json.loads(run("robot", "check", arm, "--json", "--quick", code=1).stdout)
     assert [(one["kind"], one["joint"]) for one in found] == [("missing", "lift")]
+
+
+def test_check_looks_for_strangers_of_all_families(run: Run, arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "bauds", lambda family: registry.factory_bauds(family)[:1])  # as many as a test needs
+    port = "virtual:rx28@1,lx16a@99?clock=virtual"
+    arm.write_text(
+        f'[robot]\nformat = 1\n[port.main]\npath = "{port}"\n[joint.one]\nport = "main"\nmodel = "rx28"\nid = 2\n'
+    )
+    assert "id 99" not in run("robot", "check", arm, "--quick", code=1).stdout
+    missing, first, second = run("robot", "check", arm, code=1).stdout.splitlines()
+    assert missing.startswith("arm.toml: one is missing: RX-28 id 2")
+    assert first.startswith("arm.toml: a stranger on port main: RX-28 id 1 at 57600 baud")
+    assert second.startswith("arm.toml: a stranger on port main: LX/HTS bus servo, model unknown id 99 at 115200 baud")
 
 
 def test_show_has_a_line_for_each_joint(run: Run, arm: Path) -> None:
@@ -86,6 +121,23 @@ def test_show_for_programs(run: Run, arm: Path) -> None:
     assert entries[1]["limits"][0] == {"value": pytest.approx(-60), "unit": "°"}
     assert entries[1]["torque"] is False
     assert entries[0]["disagreement"] is None
+    assert entries[0]["goal"] is None  # limp: it goes nowhere
+
+
+def test_show_has_goals_of_driven_joints() -> None:
+    with servobus.robot(read_text(LIVE)) as arm:
+        arm.base.torque_on()
+        arm.base.move(30 * deg, time=20)
+        seen, goals = arm.look(), arm.read("goal_position")
+        entries = {joint.name: _entry(joint, seen, goals) for joint in arm}
+        assert entries["base"]["goal"] == {"value": pytest.approx(30, abs=0.3), "unit": "°"}
+        assert entries["lift"]["goal"] is None
+        out = Console(width=100, file=StringIO(), force_terminal=False)
+        out.print(_table(arm, seen, goals))
+    assert isinstance(out.file, StringIO)
+    lines = out.file.getvalue().splitlines()
+    assert lines[1].split()[2] in ("29.9°", "30.1°")  # steps of 0.29°
+    assert lines[2].split()[2].startswith("─")
 
 
 # Moving
@@ -169,6 +221,20 @@ def test_poses_are_listed(run: Run, refused: Callable[..., str], arm: Path) -> N
     empty = arm.parent / "empty.toml"
     empty.write_text("[robot]\nformat = 1\n")
     assert "there is no pose" in refused("pose", "list", empty)
+
+
+def test_a_pose_is_undone(run: Run, refused: Callable[..., str], arm: Path) -> None:
+    run("pose", "save", arm, "home", "grip")
+    run("pose", "save", arm, "here", "grip")
+    changed = arm.read_text()
+    done = run("robot", "undo", arm).stdout.splitlines()
+    assert "-[pose.here]" in done
+    assert done[-1] == f"{arm}: brought back; its joints are {', '.join(JOINTS)}"
+    assert "here" not in read_file(arm).poses
+    assert arm.with_name("arm.toml.undone").read_text() == changed
+    assert '+grip = "5deg"  # nearly closed' in run("robot", "undo", arm).stdout.splitlines()
+    assert arm.read_text() == LIVE
+    assert "there is nothing to undo" in refused("robot", "undo", arm)
 
 
 # What the Tab key offers

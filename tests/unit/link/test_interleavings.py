@@ -379,6 +379,39 @@ def test_virtual_servos(family: str, way: Any, heard: bool) -> None:
         assert waits > 0
 
 
+class Telling(Numbered):
+    """A port that can say that nothing is there, which opens the fast path; on a clock that waiting advances."""
+
+    def pending(self) -> bool:
+        return bool(self._due) and self._due[0][0] <= self._now
+
+
+@pytest.mark.parametrize("job", [single, batch, command], ids=lambda job: job.__name__)
+@pytest.mark.parametrize(
+    ("way", "heard", "late"),
+    [*itertools.product([close, take_over], [True, False], [0.0, 0.003, 0.02]), (interrupt, True, 0.02)],
+)
+def test_numbered_replies_on_the_fast_path(
+    monkeypatch: pytest.MonkeyPatch, job: Any, way: Any, heard: bool, late: float
+) -> None:
+    """As above, on a port that may take the fast path; it goes by the clock of the computer, here the port's own."""
+
+    def checked(at: int) -> bool:
+        port = Telling("dynamixel", late)
+        monkeypatch.setattr("servobus.link.link.monotonic", port.now)
+        first = Bus(port, echo=False).link
+        link = broken_off(first, first.run(job("dynamixel")), at, way, heard=heard)
+        if link is None:
+            return False
+        came = look_numbered(link, port, "dynamixel")
+        port.late = 0.0
+        came += look_numbered(link, port, "dynamixel")
+        assert came > 0
+        return True
+
+    assert every_wait(checked) > 0
+
+
 class Real(Numbered):
     """A port that can say that nothing is there, as one with a descriptor has, on a clock that runs."""
 

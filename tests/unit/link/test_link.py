@@ -15,7 +15,8 @@ import servobus
 from servobus import DRS0602, RX28, BadChecksum, Bus, NoReply, dynamixel1
 from servobus.bus.asyncio import AsyncBus
 from servobus.core.exchange import Batch, Now, Pause, Procedure, ReplyPattern
-from servobus.errors import BrokenEcho, DuplicateId, LineBusy
+from servobus.core.framing import Packet
+from servobus.errors import BrokenEcho, DuplicateId, Garbled, LineBusy
 from servobus.link.latency import Latency
 from servobus.virtual.serve.inprocess import VirtualPort
 from unit.bus.test_blocking import ANSWER, MODEL_BYTE, OK, PING, TEMPERATURE
@@ -448,6 +449,70 @@ def test_the_short_way_and_the_long_way_come_to_the_same(name: str) -> None:
         return result, port.requests, servo.alarms, told
 
     assert run(short=True) == run(short=False)
+
+
+TEMPERATURES = {id: dynamixel1.FRAMING.frame(Packet(id, 0, bytes((30 + id,)))).hex(" ") for id in (1, 2, 3)}
+BATCHES = {
+    "answers": tuple(TEMPERATURES.values()),
+    "the first is silent": (None, TEMPERATURES[2], TEMPERATURES[3]),
+    "the second is silent": (TEMPERATURES[1], None, TEMPERATURES[3]),
+    "the last is silent": (TEMPERATURES[1], TEMPERATURES[2], None),
+    "all are silent": (None, None, None),
+    "a refusal": (TEMPERATURES[1], "FF FF 02 02 08 F3", TEMPERATURES[3]),
+    "bad checksum": ("FF FF 01 03 00 20 DC", TEMPERATURES[2], TEMPERATURES[3]),
+    "a stranger": (TEMPERATURES[1], "FF FF 07 03 00 20 D5", TEMPERATURES[3]),
+}
+
+
+@pytest.mark.parametrize("name", BATCHES)
+def test_a_batch_comes_to_the_same_on_the_short_way(name: str) -> None:
+    def job() -> Any:
+        return (yield Batch([dynamixel1.read_data(id, 43, 1) for id in (1, 2, 3)], again=False))
+
+    def run(*, short: bool) -> Any:
+        port = Instant(ANSWER, *BATCHES[name])
+        bus = Bus(port, echo=False)
+        bus.do(dynamixel1.read_data(1, 43, 1))
+        if not short:
+            port.pending = lambda: True  # type: ignore[method-assign]
+        found = [one if isinstance(one, bytes) else type(one) for one in bus.do(job())]
+        counts = bus.stats.total
+        told = {kind: getattr(counts, kind) for kind in ("sent", "received", "timeouts", "checksum", "strangers")}
+        return found, port.requests, told, bus.link.state
+
+    assert run(short=True) == run(short=False)
+
+
+def test_noise_in_a_batch_is_not_held_against_what_was_heard_before_the_next_question() -> None:
+    """Two replies that meet can look like one that is right; one that came before the next question met none."""
+
+    def job() -> Any:
+        return (yield Batch([dynamixel1.read_data(id, 43, 1) for id in (1, 2, 3)], again=False))
+
+    port = Instant(ANSWER, TEMPERATURES[1], "FF FF 02 03 00 20 DB", TEMPERATURES[3])
+    bus = Bus(port, echo=False)
+    bus.do(dynamixel1.read_data(1, 43, 1))
+    first, *others = bus.do(job())
+    assert first == bytes((31,))
+    assert [type(other) for other in others] == [Garbled, Garbled]
+
+
+@pytest.mark.parametrize("goals", [True, False], ids=["behind goals", "alone"])
+def test_a_batch_on_a_calm_line_takes_the_short_way(goals: bool) -> None:
+    port = Instant(ANSWER, *[None] * goals, *TEMPERATURES.values())
+    bus = Bus(port, echo=False)
+    bus.do(dynamixel1.read_data(1, 43, 1))
+
+    def job() -> Any:
+        if goals:
+            yield dynamixel1.sync_write(30, {1: b"\x00\x02"})
+        bus.link._ready = never  # type: ignore[method-assign]
+        return (yield Batch([dynamixel1.read_data(id, 43, 1) for id in (1, 2, 3)]))
+
+    def never(*_: object, **__: object) -> Any:
+        raise AssertionError
+
+    assert bus.do(job()) == [bytes((30 + id,)) for id in (1, 2, 3)]
 
 
 def test_the_short_way_is_what_a_calm_line_takes() -> None:

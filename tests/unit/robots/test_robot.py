@@ -12,10 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import servobus
-from servobus import BadValue, Disagreement, NoReply, RobotFileError, TorqueOff, UnknownName, UsageError, deg
+from servobus import BadValue, Bus, Disagreement, NoReply, RobotFileError, TorqueOff, UnknownName, UsageError, deg
 from servobus.errors import PortError, RobotMismatch
+from servobus.families import registry
+from servobus.jobs.scan import ScanProgress
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_text
+from servobus.robots.joints.attendance import ids_to_ask
+from servobus.virtual.serve.inprocess import VirtualPort
+from servobus.virtual.serve.rig import build_rig
+from servobus.virtual.serve.spec import parse_url
 from unit.robots.arms import JOINTS
 from unit.robots.arms import LIVE as SIX
 from unit.robots.played_arm import goals_in, opened, port_of, servos_of, shaft_angles
@@ -434,6 +440,8 @@ def findings(text: str) -> list[tuple[str, str, str]]:
         (SIX, "rx28@1-3", "rx28@1-2", [("missing", "lift", "base")]),
         (SIX, "drs0602@1-2", "drs0602@2", [("missing", "elbow", "upper")]),
         (SIX, "rx28@1-3", "rx28@1-3,7", [("stranger", "", "base")]),
+        (SIX, "rx28@1-3", "rx28@1-3,200", [("stranger", "", "base")]),
+        (SIX, "rx28@1-3", "rx28@1-3,rx28@7,model_number=1060", [("stranger", "", "base")]),
         (SIX, "rx28@1-3", "ax12a@1,rx28@2-3", [("missing", "base", "base")]),
         (TWO, "rx28@1,ax12a@2", "rx28@1,ax12a@2", []),
         (TWO, "rx28@1,ax12a@2", "mx28@1,ax12a@2", [("wrong model", "one", "main")]),
@@ -450,6 +458,52 @@ def test_who_is_there_is_compared_with_the_file(
             servobus.robot(read_text(text))
     else:
         servobus.robot(read_text(text)).close()
+
+
+@pytest.mark.parametrize(
+    ("text", "good", "bad", "told"),
+    [
+        (SIX, "rx28@1-3", "rx28@1-3,12", "RX-28 id 12 at 57600"),
+        (SIX, "lx16a@1-2", "lx16a@1-2,20", "id 20 at 115200"),
+        (SIX, "rx28@1-3", "rx28@1-3,200", ""),  # `check` finds it
+        # New servos come at 57600 baud (RX-28) and 1 Mbit/s (AX-12A) with id 1, by their manuals.
+        (TWO, "rx28@1,ax12a@2?baud=57600", "rx28@1,ax12a@2,ax12a@1?baud=57600", ""),
+    ],
+)
+def test_opening_finds_strangers_where_most_are(text: str, good: str, bad: str, told: str) -> None:
+    with servobus.robot(read_text(text.replace(good, bad)), incomplete=True) as arm:
+        strangers = [one.text for one in arm.attendance.findings if one.kind == "stranger"]
+        assert all(told in one for one in strangers)
+        assert len(strangers) == bool(told)
+        assert arm.ports.now() < 0.5
+
+
+def test_a_new_servo_is_found_at_the_speed_that_it_comes_with() -> None:
+    rig = build_rig(parse_url("virtual:rx28@2,rx28@1?clock=virtual"))
+    text = TWO.replace("id = 1", "id = 2\nbaud = 1000000").partition("[joint.two]")[0]
+    port = VirtualPort("main", rig, real=False)
+    with Bus(port, echo=False) as bus:
+        bus.find(2).change_baud(1_000_000)
+        arm = Robot(read_text(text), {"main": bus})
+        found = arm.check(strangers="near").findings
+    assert [one.text.partition(" is in no joint")[0] for one in found] == [
+        "a stranger on port main: RX-28 id 1 at 57600 baud"
+    ]
+
+
+def test_strangers_are_looked_for_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = ids_to_ask(["main"], [], "everywhere")
+    assert asked == 254 * sum(len(registry.bauds(family)) for family in registry.FAMILIES.values())
+    monkeypatch.setattr(registry, "bauds", lambda family: registry.factory_bauds(family)[:1])  # as many as a test needs
+    watched: list[ScanProgress] = []
+    text = TWO.replace("ax12a@2?", "ax12a@2,drs0602@100?").replace("?baud=57600&", "?").replace("baud = 57600", "")
+    with servobus.robot(read_text(text), incomplete=True) as arm:
+        assert arm.attendance
+        found = arm.check(strangers="everywhere", watch=watched.append)
+        assert len(watched) == ids_to_ask(arm.buses, arm, "everywhere") == 254 * 4
+    assert [one.text.partition(" is in no joint")[0] for one in found.findings] == [
+        "a stranger on port main: DRS-0602 id 100 at 115200 baud"
+    ]
 
 
 def test_an_open_robot_tells_who_went(arm: Robot) -> None:

@@ -16,6 +16,7 @@ from servobus.cli.options import verb
 from servobus.cli.output import note
 from servobus.cli.robots.person import ENTER, AtTerminal, Person, Script, angle_text
 from servobus.cli.robots.settings import file_argument
+from servobus.cli.robots.undo import bring_back
 from servobus.cli.values import ANGLE, split_assignment
 from servobus.core.exchange import Procedure, SetBaud
 from servobus.core.registers import Register
@@ -27,7 +28,6 @@ from servobus.robots.calibration.joint import MARGIN, Key, Step, key_of
 from servobus.robots.file.entries import RobotFile
 from servobus.robots.file.reading import read_file, read_text
 from servobus.robots.file.writing import edited, save
-from servobus.robots.file.writing import undo as undo_file
 from servobus.robots.joints import jobs
 from servobus.robots.joints.joint import Part
 from servobus.robots.settings.applying import on
@@ -80,8 +80,7 @@ def calibrate(
     answer, r begins the joint anew, a takes another angle for the known pose, Ctrl-C ends it all.
     """
     if undo:
-        made = undo_file(file)
-        click.echo(f"{file}: brought back; its joints are {', '.join(made.joints)}")
+        bring_back(file)
         return
     contents = read_file(file)
     for name in joints:

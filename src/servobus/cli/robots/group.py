@@ -20,6 +20,7 @@ class RobotGroup(VerbGroup):
             "plan": ("robots.settings:plan", "Compare the servos' settings with the robot file."),
             "apply": ("robots.settings:apply", "Write the settings of the robot file."),
             "adopt": ("robots.adopt:adopt", "Put a new servo in the place of a dead one."),
+            "undo": ("robots.undo:undo", "Bring the robot file back as it was before the last change."),
             "sync-limits": ("robots.settings:sync_limits", "Keep the limits of the joints in the servos too."),
             "export": ("robots.files:export", "Write a file of another program."),
             "import": ("robots.files:import_", "Take in a file of another program."),

@@ -1,7 +1,6 @@
 """Who answers a command that asks for one step after the other: a person at a terminal, or a script in place of one."""
 
 import math
-import select
 import sys
 import time
 from abc import ABC, abstractmethod
@@ -58,7 +57,9 @@ class AtTerminal(Person):
     """A person at a terminal."""
 
     def __init__(self, arm: Robot) -> None:
-        self._arm = arm
+        self._arm, self._keys = arm, Keys()
+        self._pressed = ""
+        """Keys that were pressed and not yet given."""
         self._live: Live | None = None
         self._shown = ""
 
@@ -73,7 +74,11 @@ class AtTerminal(Person):
         if not self._arm.ports.real:
             pass_time(self._arm, seconds)
             seconds = 0.0
-        return _key(seconds)
+        self._pressed += self._keys.wait(0.0 if self._pressed else seconds)
+        if not self._keys.there:
+            raise UsageError("nobody is there to press a key: a terminal is needed, or a --script")
+        pressed, self._pressed = self._pressed[:1], self._pressed[1:]
+        return ENTER if pressed == "\r" else pressed
 
     def yes(self, question: str) -> bool:
         with unless_nobody_answers("a person at a terminal answers, or a --script"):
@@ -88,7 +93,8 @@ class AtTerminal(Person):
         from rich.console import Console  # noqa: PLC0415 - rich is slow to import and not always wanted
         from rich.live import Live  # noqa: PLC0415
 
-        with Keys():
+        with self._keys:
+            self._pressed = ""
             if not sys.stderr.isatty():
                 yield
                 return
@@ -99,26 +105,6 @@ class AtTerminal(Person):
                     yield
                 finally:
                     self._live = None
-
-
-def _key(seconds: float) -> str:
-    """Wait for a key. Raises UsageError where nobody can press one any more."""
-    if sys.platform == "win32":
-        import msvcrt  # noqa: PLC0415 - only Windows has it
-
-        end = time.monotonic() + seconds
-        while not msvcrt.kbhit():
-            if time.monotonic() >= end:
-                return ""
-            time.sleep(0.005)
-        pressed = msvcrt.getwch()
-        return ENTER if pressed == "\r" else pressed
-    if not select.select([sys.stdin], [], [], seconds)[0]:
-        return ""
-    pressed = sys.stdin.read(1)
-    if not pressed:
-        raise UsageError("nobody is there to press a key, and nothing was changed: a terminal is needed, or a --script")
-    return ENTER if pressed == "\r" else pressed
 
 
 def pass_time(arm: Robot, seconds: float) -> None:

@@ -256,7 +256,8 @@ def _set(document: Any, path: Key, value: Any) -> None:
         if parent not in table:
             if value is None:
                 return
-            table[parent] = tomlkit.table(is_super_table=depth < len(parents) - 1)  # such a one has no head of its own
+            # One with nothing but tables in it needs no head of its own: [pose.home] says all.
+            table[parent] = tomlkit.table(is_super_table=depth < len(parents) - 1 or isinstance(value, Mapping))
         table = table[parent]
     _put(table, key, value)
 

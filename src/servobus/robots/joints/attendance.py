@@ -1,6 +1,6 @@
 """Who is there: the servos that answer, compared with the robot file. Nothing moves, nothing is written."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from servobus.bus.base import BaseBus
@@ -9,8 +9,9 @@ from servobus.core.ids import LAST_ID
 from servobus.core.values import frozen
 from servobus.errors import BusError, NoReply, Restarted, RobotMismatch, ServobusError
 from servobus.families import registry
+from servobus.families.base import Family
 from servobus.jobs.look import identify_at, verify
-from servobus.jobs.scan import ScanResult, scan
+from servobus.jobs.scan import ScanResult, Watcher, scan
 from servobus.robots.joints.joint import Joint, Part
 from servobus.robots.steps import RobotJob, each
 
@@ -20,6 +21,16 @@ if TYPE_CHECKING:
 Kind: TypeAlias = Literal["missing", "wrong model", "swapped", "restarted", "unclear", "port", "stranger"]
 GRAVE: tuple[Kind, ...] = ("missing", "wrong model", "swapped", "unclear", "port")
 """What keeps a robot from being opened as a whole."""
+Sought: TypeAlias = Literal["near", "file", "everywhere"]
+"""Where strangers are looked for:
+
+near        at the ids that most servos have: those of new ones, up to LOW, and BESIDE those in the file. At the speeds
+            of the servos in the file, and those that such servos come with. Takes some tenths of a second
+file        at every id, at the same speeds: some seconds
+everywhere  at every id of every family, at every speed that its servos can have: half a minute or more
+"""
+LOW, BESIDE = 20, 2
+"""The highest id at which most strangers are, and how far from the ids in the file; *assumption*."""
 
 
 @frozen
@@ -64,9 +75,17 @@ class Attendance:
 
 
 def check(
-    file: "RobotFile", buses: Mapping[str, BaseBus[Any]], joints: Sequence[Joint], *, strangers: bool
+    file: "RobotFile",
+    buses: Mapping[str, BaseBus[Any]],
+    joints: Sequence[Joint],
+    *,
+    strangers: Sought,
+    watch: Watcher | None = None,
 ) -> RobotJob[Attendance]:
-    """Compare who answers on these ports with the file."""
+    """Compare who answers on these ports with the file. `watch` is told of each id at which strangers were looked for.
+
+    It is called from a thread for each port; see `Robot.check`.
+    """
     parts: dict[str, list[tuple[Joint, Part]]] = {port: [] for port in buses}
     for joint in joints:
         for part in joint.parts:
@@ -85,10 +104,10 @@ def check(
                 numbers[joint, part] = answer
     findings += _wrong(numbers)
     alive = {port: there for port, there in parts.items() if not isinstance(seen[port], ServobusError)}
-    scans = yield from each({port: _scan(buses[port], there, everywhere=strangers) for port, there in alive.items()})
-    for port, found in scans.items():
-        if isinstance(found, ScanResult):
-            findings += _strangers(port, found, [part for _, part in parts[port]])
+    searches = {port: _search(buses[port], there, strangers, watch) for port, there in alive.items()}
+    for port, found in (yield from each(searches)).items():
+        if not isinstance(found, ServobusError):
+            findings += [Finding("stranger", "", port, f"a stranger on port {port}: {text}") for text in found]
     return Attendance(file.name, tuple(findings))
 
 
@@ -147,34 +166,66 @@ def _wrong(numbers: Mapping[tuple[Joint, Part], int | None]) -> list[Finding]:
     return findings
 
 
-def _scan(bus: BaseBus[Any], parts: Sequence[tuple[Joint, Part]], *, everywhere: bool) -> Procedure[ScanResult]:
-    """Look for servos of the families and at the speeds that the file has on this port.
-
-    Unless everywhere, those ids alone are looked at that new servos have, as one has that somebody has just plugged in.
-    """
+def _search(
+    bus: BaseBus[Any], there: Iterable[tuple[Joint, Part]], sought: Sought, watch: Watcher | None
+) -> Procedure[list[str]]:
+    """Look for servos that are none of these on their port; tell of each."""
+    parts = [part for _, part in there]
+    fixed = bool(parts) and (yield SetBaud(parts[0].servo.baud))  # at any speed the same servos would answer
     survey = ScanResult()
-    families = list(dict.fromkeys(part.servo.family for _, part in parts))
-    for family in families:
-        speeds = tuple(dict.fromkeys(part.servo.baud for _, part in parts if part.servo.family is family))
-        new = {model.register("id").default for model in registry.models_of(family)}
-        ids = range(LAST_ID + 1) if everywhere else sorted(id for id in new if id is not None)
-        yield from scan([family], speeds, ids, None, survey, bus.identify)
-    return survey
-
-
-def _strangers(port: str, survey: ScanResult, parts: Sequence[Part]) -> list[Finding]:
-    named = {(part.servo.family.name, part.servo.id, part.servo.baud) for part in parts}
-    findings = []
+    for families, bauds, ids in _rounds(parts, sought, fixed=fixed):
+        yield from scan(families, bauds, ids, watch, survey, bus.identify)
+    named = {(part.servo.family.name, part.servo.id, None if fixed else part.servo.baud) for part in parts}
+    strangers = []
     for found in survey.found:
-        if (found.family.name, found.id, found.baud) in named:
+        if (found.family.name, found.id, None if fixed else found.baud) not in named:
+            title = found.model.title if found.model is not None else f"{found.family.title} servo"
+            strangers.append(
+                f"{title} id {found.id} at {found.baud} baud is in no joint; give it one, or take it off the cable"
+            )
+    known = {(part.servo.family.name, part.servo.id) for part in parts}
+    strangers += [
+        f"{one}; two new servos with one id? Look at each alone"
+        for one in survey.troubles
+        if (one.family.name, one.id) not in known
+    ]
+    return strangers
+
+
+def _rounds(
+    parts: Sequence[Part], sought: Sought, *, fixed: bool
+) -> Iterator[tuple[Sequence[Family], Mapping[str, Sequence[int]], Sequence[int]]]:
+    """Tell where strangers are looked for on the port of these servos: families, their speeds, and ids.
+
+    Where the speed of the line is set elsewhere, one speed of each family stands for all.
+    """
+    everyone = range(LAST_ID + 1)
+    mine = {family: [part for part in parts if part.servo.family is family] for family in registry.FAMILIES.values()}
+    speeds = {family: list(dict.fromkeys(part.servo.baud for part in there)) for family, there in mine.items()}
+    if sought == "everywhere":
+        bauds = {family.name: list(dict.fromkeys([*speeds[family], *registry.bauds(family)])) for family in mine}
+        yield list(mine), {name: some[:1] for name, some in bauds.items()} if fixed else bauds, everyone
+        return
+    for family, there in mine.items():
+        if not there:
             continue
-        title = found.model.title if found.model is not None else f"{found.family.title} servo"
-        text = (
-            f"a stranger on port {port}: {title} id {found.id} at {found.baud} baud is in no joint; give it one, or "
-            "take it off the cable"
-        )
-        findings.append(Finding("stranger", "", port, text))
-    return findings
+        new = {id for model in registry.models_of(family) if (id := model.register("id").default) is not None}
+        beside = {part.servo.id + step for part in there for step in range(-BESIDE, BESIDE + 1)}
+        near = sorted((new | beside | set(range(LOW + 1))) & set(everyone))
+        yield [family], {family.name: speeds[family]}, near if sought == "near" else everyone
+        fresh = {part.servo.model.factory_baud for part in there} - set(speeds[family])
+        if fresh and not fixed:
+            yield [family], {family.name: sorted(fresh)}, sorted(new)
+
+
+def ids_to_ask(ports: Iterable[str], joints: Iterable[Joint], sought: Sought) -> int:
+    """Count the ids that a search for strangers asks on these ports, each in each family and at each speed."""
+    parts = [part for joint in joints for part in joint.parts]
+    return sum(
+        len(ids) * sum(len(bauds[family.name]) for family in families)
+        for port in ports
+        for families, bauds, ids in _rounds([part for part in parts if part.port == port], sought, fixed=False)
+    )
 
 
 def refuse(attendance: Attendance, *, incomplete: bool) -> None:

@@ -17,7 +17,7 @@ from servobus.bus import several
 from servobus.core.exchange import Procedure, SetBaud
 from servobus.core.present import change_entry, value_text
 from servobus.core.registers import Area, Register
-from servobus.core.units import show
+from servobus.core.units import show, shown
 from servobus.core.values import frozen
 from servobus.errors import BusError, ServobusError, UsageError
 from servobus.families.base import KnownServo, Model
@@ -85,6 +85,7 @@ class ServoSettings:
                 the zero of the file belongs to the joint: changing it is a step of its own
     impossible  name of a register -> why the servo cannot have what the file asks for
     driven      whether its torque is on
+    outside     angle of the joint, rad, where it stands outside limits that its servo would get; else None
     problem     why it could not be compared; "" if it could
     """
 
@@ -96,6 +97,7 @@ class ServoSettings:
     offset: Setting | None = None
     impossible: Mapping[str, str] = MappingProxyType({})
     driven: bool = False
+    outside: float | None = None
     problem: str = ""
 
     @property
@@ -121,6 +123,7 @@ class ServoSettings:
             "model": self.servo.model.key(),
             "id": self.servo.id,
             "torque": self.driven,
+            "outside": None if self.outside is None else round(shown(self.outside, "rad")[0], 4),
             "changes": {one.row.name: _entry(one) for one in self.changes},
             "offset": None if self.offset is None else {self.offset.row.name: _entry(self.offset)},
             "impossible": dict(self.impossible),
@@ -175,6 +178,11 @@ class Plan:
             told = _lines(one, offsets=offsets)
             if one.driven and one.to_write(offsets=offsets):
                 told.append("  its torque is on: it has to go off before anything is written")
+            if one.outside is not None:
+                told.append(
+                    f"  it stands at {show(one.outside, 'rad')}, outside its new limits: turn it inside by hand, or it "
+                    "gets no torque then"
+                )
             lines += [f"{one.who}:", *told] if told else [f"{one.who}: as the file says"]
         count, kept = self.changes(offsets=offsets), self.eeprom_writes(offsets=offsets)
         lines.append(
@@ -270,17 +278,21 @@ def check_inside(plan: Plan, joints: Sequence[Joint]) -> RobotJob[None]:
         outcome = outcomes[part.port]
         if isinstance(outcome, ServobusError):
             raise outcome
-        here, limits = outcome[part.servo], joint.entry.limits
-        if limits is None:
-            continue
-        low, high = (row.decode(raw) for row, raw in limits_wanted(part.servo.model, part.axis, limits).items())
-        if not low - ROUNDING <= here <= high + ROUNDING:
-            outside.append(f"{joint.name} at {show(part.axis.to_joint(here), 'rad')}")
+        if (angle := _outside(joint.entry, part, outcome[part.servo])) is not None:
+            outside.append(f"{joint.name} at {show(angle, 'rad')}")
     if outside:
         raise UsageError(
             f"{plan.name}: outside the limits stands {', '.join(outside)}: turn it inside by hand, or change `limits` "
             "in the file; nothing was written"
         )
+
+
+def _outside(entry: JointEntry, part: Part, here: float) -> float | None:
+    """Give the angle of a joint whose servo is here, rad, if that is outside the limits the servo is to have."""
+    if entry.limits is None:
+        return None
+    low, high = (row.decode(raw) for row, raw in limits_wanted(part.servo.model, part.axis, entry.limits).items())
+    return None if low - ROUNDING <= here <= high + ROUNDING else part.axis.to_joint(here)
 
 
 def _unread(joint: Joint, part: Part, problem: str) -> ServoSettings:
@@ -311,6 +323,11 @@ def compare(joint: Joint, n: int) -> Procedure[ServoSettings]:
     torque = yield from family.read_torque(target)
     settings = {row: _setting(row, asked.get(row), stored, acting) for row in rows}
     limits = entry.limits if entry.limits_in_servo else None
+    outside = None
+    if limits is not None and any(settings[row].differs for row in limits_wanted(model, part.axis, limits)):
+        place = model.register("present_position")
+        (raw,) = yield from family.read(target, [place])
+        outside = _outside(entry, part, place.decode(raw))
     return ServoSettings(
         joint.name,
         part.port,
@@ -320,6 +337,7 @@ def compare(joint: Joint, n: int) -> Procedure[ServoSettings]:
         None if shift is None else settings[shift],
         _impossible(model, asked, {row: one.now for row, one in settings.items()}),
         torque.on,
+        outside,
     )
 
 

@@ -71,6 +71,19 @@ def test_a_value_is_replaced_and_its_comment_stays() -> None:
     assert read_text(text).poses["home"]["grip"] == pytest.approx(6 * deg)
 
 
+def test_the_first_pose_and_the_first_motion_bring_no_empty_heads() -> None:
+    text = changed(
+        {("pose", "home"): {"base": "1deg"}, ("motion", "wave", "file"): "wave.csv", ("group", "all"): ["base"]},
+        "[robot]\nformat = 1\n",
+    )
+    assert [line for line in text.splitlines() if line.startswith("[")] == [
+        "[robot]",
+        "[pose.home]",
+        "[motion.wave]",
+        "[group]",
+    ]
+
+
 def test_all_comments_and_the_order_stay_with_many_changes() -> None:
     text = changed(
         {

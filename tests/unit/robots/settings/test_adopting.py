@@ -44,7 +44,7 @@ def shop_of(folder: Path, key: str) -> Workshop:
 def adopt(shop: Workshop, arm: Robot) -> None:
     """Do what the command does."""
     bus = arm.buses["wire"]
-    arm.check(strangers=False)
+    arm.check(strangers="near")
     vacancy = adopting.vacant(arm.attendance, arm.joints, None)
     found = bus.do(adopting.newcomer(bus, vacancy, [part for joint in arm for part in joint.parts], ids=range(10)))
     backups = Backups(arm.file)
@@ -63,7 +63,7 @@ def test_a_new_servo_becomes_what_the_old_one_was(tmp_path: Path, key: str) -> N
     shop = shop_of(tmp_path, key)
     position = shop.rigs["wire"].servos[3].position
     with shop.open() as arm:
-        assert not arm.check(strangers=False)
+        assert not arm.check(strangers="near")
         adopt(shop, arm)
         assert arm.check()
         assert arm.plan_settings().changes() == 0
@@ -84,7 +84,7 @@ def test_broken_off_anywhere_the_same_again_goes_on(tmp_path: Path, key: str) ->
             adopt(shop, arm)
         shop.before = lambda _: None
         with shop.open() as arm:
-            if not arm.check(strangers=False):
+            if not arm.check(strangers="near"):
                 adopt(shop, arm)
             arm.apply_settings()
             assert arm.check()

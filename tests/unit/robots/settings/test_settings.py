@@ -356,3 +356,14 @@ def test_limits_that_would_cross_are_impossible(shop: Workshop) -> None:
         with pytest.raises(NotRestored, match="min_voltage stays"):
             arm.apply_settings(plan)
     assert shop.get("left", 1, "max_torque") == 512
+
+
+def test_a_limp_joint_outside_its_new_limits_is_told(shop: Workshop) -> None:
+    # It stands at 149.85°, the middle of an RX-28: -0.15° of a joint with its zero at 150°, and direction -1.
+    shop.path.write_text(shop.path.read_text().replace('["-90deg", "45deg"]', '["10deg", "45deg"]'))
+    with shop.open() as arm:
+        plan = arm.plan_settings()
+        assert "it stands at 0.1°, outside its new limits: turn it inside by hand" in str(plan)
+        assert [one.joint for one in plan.servos if one.outside is not None] == ["shoulder"]
+        assert plan.entry()["servos"][0]["outside"] == pytest.approx(0.15, abs=0.3)
+        assert plan.entry()["servos"][1]["outside"] is None
