@@ -37,7 +37,7 @@ from servobus.transports.base import Transport
 
 T = TypeVar("T")
 
-RETRY = 0.25
+RETRY = 0.1
 """s between two questions to servos that stay silent."""
 
 

@@ -314,11 +314,7 @@ def wait_arrival(move: PlannedMove, *, timeout: float | None = None, tolerance: 
             yield Pause(min(move.due - now, move.arrival - now, end - now, ATTENTION), shared=True)
         # One that does not come any more is looked at first, so that Stopped is raised at once.
         for axis in sorted(move.axes, key=lambda axis: not axis.target.permit.given_up):
-            try:
-                yield from _wait_axis(move, axis, min(end, max(now, move.arrival + GRACE)), timeout, tolerance)
-            except BusError as error:
-                move.wording.tell(axis.target, error)
-                raise
+            yield from _wait_axis(move, axis, min(end, max(now, move.arrival + GRACE)), timeout, tolerance)
     except BusError as error:
         yield from _fail(move, error)
     yield from _end(move)
@@ -338,7 +334,7 @@ def _wait_axis(
     while True:
         target.permit.attend()
         given_up = target.permit.given_up
-        moving, angle, there = yield from _look(axis, tolerance)
+        moving, angle, there = yield from _look(move, axis, tolerance)
         if there:
             return
         name, here = move.wording.name(target), move.wording.angle(target, angle)
@@ -355,13 +351,17 @@ def _wait_axis(
         yield Pause(min(end - now, LOOK), shared=True)
 
 
-def _look(axis: AxisMove, tolerance: float) -> Procedure[tuple[bool, float, bool]]:
+def _look(move: PlannedMove, axis: AxisMove, tolerance: float) -> Procedure[tuple[bool, float, bool]]:
     """Look at one servo: whether it moves, where it is, rad, and whether it stands near its goal."""
     target = axis.target
     row = target.model.register("present_position")
     yield SetBaud(target.baud)
-    moving = yield from target.model.family.moving(target)
-    (raw,) = yield from target.model.family.read(target, [row])
+    try:
+        moving = yield from target.model.family.moving(target)
+        (raw,) = yield from target.model.family.read(target, [row])
+    except BusError as error:
+        move.wording.tell(target, error)
+        raise
     here, goal = row.decode(raw), target.model.register("goal_position").decode(axis.goal)
     return moving, here, not moving and abs(here - goal) <= tolerance
 
@@ -378,7 +378,7 @@ def has_ended(move: PlannedMove, *, tolerance: float = 3 * deg) -> Procedure[boo
     if now < move.arrival:
         return False
     for axis in move.axes:
-        *_, there = yield from _look(axis, tolerance)
+        *_, there = yield from _look(move, axis, tolerance)
         if not there:
             return False
     yield from _end(move)

@@ -137,7 +137,7 @@ class Leadership(Streamed[TeleopTick]):
     def begin(self) -> RobotJob[None]:
         """Make sure that the leader is limp and the follower has torque. Nothing moves yet."""
         states = (yield from _of(LEADER, jobs.look(self._read))).complete()
-        if stiff := [name for name, state in states.items() if state.torque]:
+        if stiff := [name for name, state in states.items() if not state.limp]:
             raise MotionError(
                 f"{', '.join(stiff)}: the torque of the leader is on, so nobody could move it; hold the leader, and "
                 "switch it off"

@@ -1,7 +1,6 @@
 """Values of joints by name: what is read of a robot, and what is asked of one."""
 
 import math
-from copy import copy
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Generic, Self, TypeVar
 
@@ -44,7 +43,7 @@ class ByJoint(Mapping[str, V], Generic[V]):
 
     def _error(self, joint: str) -> ServobusError:
         """Give the error of a joint that is lost, with its name: packets name ids alone, and each port has its own."""
-        error = copy(self.lost[joint])
+        error = self.lost[joint].copy()
         error.tell_whose(joint)
         return error
 

@@ -13,12 +13,13 @@ from hypothesis import strategies as st
 
 import servobus
 from servobus import BadValue, Bus, Disagreement, NoReply, RobotFileError, TorqueOff, UnknownName, UsageError, deg
-from servobus.errors import PortError, RobotMismatch
+from servobus.errors import MotionError, MoveTimeout, PortError, RobotMismatch, Stopped
 from servobus.families import registry
 from servobus.jobs.scan import ScanProgress
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_text
-from servobus.robots.joints.attendance import ids_to_ask
+from servobus.robots.joints.attendance import Attendance, ids_to_ask
+from servobus.robots.teleop import Teleop
 from servobus.virtual.serve.inprocess import VirtualPort
 from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import parse_url
@@ -314,8 +315,35 @@ def test_a_joint_that_is_lost_on_the_way_is_told(stiff: Robot) -> None:
     move = stiff.move(rad(OTHER), time=2.0)
     pass_time(stiff, 0.3)
     unplug(stiff, "elbow")
-    with pytest.raises(NoReply, match="id 1"):
+    with pytest.raises(NoReply, match=r"^elbow: .*id 1"):
         move.wait()
+
+
+def test_errors_speak_of_joints_and_their_angles(stiff: Robot) -> None:
+    """Each port may have a servo with id 1, and its angle is not that of the joint."""
+    stiff.move(rad(HOME), time=2.0).wait()
+    move = stiff.move(base=60 * deg, time=2.0)
+    pass_time(stiff, 0.5)
+    stiff.base.stop()
+    with pytest.raises(Stopped, match=r"^base is at [0-9.]+° and goes to 60\.\d° no more"):
+        move.wait()
+    block(stiff, "elbow", 0)
+    move = stiff.move(elbow=-20 * deg, time=1.0)
+    with pytest.raises(MoveTimeout, match=r"^elbow is at 20\.\d° and did not reach -20\.\d°"):
+        move.wait()
+    unplug(stiff, "wrist")
+    for ask in (stiff.wrist.position, stiff.wrist.look, stiff.torque_off, lambda: stiff.move(wrist=0.1)):
+        with pytest.raises(NoReply, match=r"^wrist: .*id 1"):
+            ask()
+    assert repr(stiff.positions()).endswith("'wrist': lost}")
+
+
+def test_a_robot_that_was_closed_says_so() -> None:
+    with opened(SIX) as arm:
+        cycle, play = arm.cycle(), arm.play("wave")
+    for ask in (arm.positions, arm.look, arm.check, arm.stop, arm.base.position, cycle.run, play.wait):
+        with pytest.raises(PortError, match="this robot is closed; open it anew"):
+            ask()
 
 
 # Two servos on one axis
@@ -458,6 +486,63 @@ def test_who_is_there_is_compared_with_the_file(
             servobus.robot(read_text(text))
     else:
         servobus.robot(read_text(text)).close()
+
+
+@pytest.mark.parametrize("bad", ["mx28@1,ax12a@2", "ax12a@1,rx28@2"])
+def test_a_joint_that_another_servo_answers_for_is_neither_read_nor_driven(bad: str) -> None:
+    """An MX-28 tells 4096 steps a turn, so its angles would be wrong by a factor of three."""
+    with servobus.robot(read_text(TWO.replace("rx28@1,ax12a@2", bad)), incomplete=True) as arm:
+        port = arm.buses["main"].transport
+        assert isinstance(port, VirtualPort)
+        shafts = [servo.shaft.position for servo in port.servos]
+        assert "one" in arm.positions().lost
+        assert "one" in arm.look().lost
+        cycle = arm.cycle()
+        assert "one" in cycle.run().lost
+        attempts: list[Callable[[], object]] = [
+            arm.torque_on,
+            arm.one.torque_on,
+            lambda: arm.torque().__enter__(),
+            lambda: arm.move(one=0.1),
+            lambda: arm.one.move(0.1),
+            lambda: cycle.run(one=0.1),
+            lambda: arm.follow("one").wait(),
+            lambda: arm.teach().wait(),
+            arm.one.position,
+        ]
+        for attempt in attempts:
+            with pytest.raises(RobotMismatch, match=r"one: id 1 on port main is .*; until then it is neither read nor"):
+                attempt()
+        assert not any(servo.torque for servo in port.servos)
+        assert [servo.shaft.position for servo in port.servos] == shafts
+        arm.stop()
+        arm.torque_off()
+
+
+def test_who_is_put_right_can_be_used_after_a_new_comparison() -> None:
+    with servobus.robot(read_text(TWO.replace("rx28@1,ax12a@2", "ax12a@1,rx28@2")), incomplete=True) as arm:
+        assert arm.one.mistaken
+        arm.attendance = Attendance("arm", ())
+        assert not arm.one.mistaken
+        assert not arm.positions().lost
+
+
+def test_a_pair_of_which_one_servo_is_driven_is_neither_driven_nor_limp(arm: Robot) -> None:
+    arm.lift.torque_on()
+    assert (arm.lift.look().torque, arm.lift.look().limp) == (True, False)
+    arm.lift.parts[1].servo.torque_off()
+    state = arm.lift.look()
+    assert (state.torque, state.limp, state.half) == (False, False, True)
+    assert "torque on of one servo alone" in str(state)
+    teach = arm.teach()  # nobody can move it by hand
+    next(iter(teach))
+    assert arm.lift not in teach.joints
+    with pytest.raises(TorqueOff, match="lift: torque is off"):
+        arm.move(lift=0.1)
+    with pytest.raises(MotionError, match="lift: the torque of the leader is on"):
+        Teleop(arm, arm, {"wrist": "lift"}).wait()
+    arm.lift.torque_off()
+    assert arm.lift.look().limp
 
 
 @pytest.mark.parametrize(

@@ -124,7 +124,7 @@ def _rescue(file: str, name: str, raw: Path, *, poses: bool) -> str:
 
 def _wait_for_hands(arm: Robot, joints: Sequence[str], keys: Keys) -> None:
     """Let a person hold what goes limp, where one is there."""
-    falling = [joint.name for joint in arm.named(*joints) if joint.look().torque] if joints else []
+    falling = [joint.name for joint in arm.named(*joints) if not joint.look().limp] if joints else []
     if not falling or not keys.there:
         return
     note(f"hold {', '.join(falling)}, and press SPACE: then it goes limp")

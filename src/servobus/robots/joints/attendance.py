@@ -62,6 +62,11 @@ class Attendance:
         """The findings without strangers and restarts, with which the robot works all the same."""
         return tuple(finding for finding in self.findings if finding.kind in GRAVE)
 
+    @property
+    def mistaken(self) -> dict[str, str]:
+        """Joints that another servo answers for than the file says: name -> which, and what to do."""
+        return {one.joint: one.text for one in self.findings if one.kind in ("wrong model", "swapped")}
+
     def unusable(self, joints: Iterable[Joint]) -> dict[str, str]:
         """Tell which of these joints cannot be used as the file says: name -> why."""
         ports = {finding.port: finding.text for finding in self.grave if finding.kind == "port"}

@@ -20,7 +20,7 @@ from servobus.core.operation import Awaiting, Blocking, Priority, bus_method, ur
 from servobus.core.registers import Register
 from servobus.errors import ServobusError
 from servobus.robots.joints import jobs
-from servobus.robots.joints.joint import Joint, Part
+from servobus.robots.joints.joint import Joint, Part, check_meant
 from servobus.robots.ports import Ports
 from servobus.robots.steps import RobotJob, each
 from servobus.robots.values import ByJoint, named_angles
@@ -106,6 +106,7 @@ class RobotCycle:
         servo_goals: dict[str, dict[Servo, float]] = {}
         for name, angle in goals.items():
             joint = self._by_name[name]
+            check_meant([joint])
             allowed = joint.check(angle)
             for part in joint.parts:
                 servo_goals.setdefault(part.port, {})[part.servo] = part.axis.to_servo(allowed)
@@ -132,6 +133,8 @@ class RobotCycle:
                     lost.setdefault(joint.name, result.lost[part.servo])
                 else:
                     seen.append(result[part.servo])
+            if joint.mistaken:
+                lost[joint.name] = joint.mismatch()
             if joint.name not in lost:
                 values[joint.name] = {name: jobs.joined(joint, name, [one[name] for one in seen]) for name in seen[0]}
         return RobotResult(values, lost, times, results)

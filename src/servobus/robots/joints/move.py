@@ -28,7 +28,7 @@ from servobus.jobs.move import (
     wait_arrival,
 )
 from servobus.robots.joints import jobs
-from servobus.robots.joints.joint import Joint, Part
+from servobus.robots.joints.joint import Joint, Part, check_meant
 from servobus.robots.steps import RobotJob, each, together
 
 
@@ -95,6 +95,7 @@ def plan_joints(
     for name, value in (("time", time), ("speed", speed)):
         if value is not None:
             check_above_0(name, value)
+    check_meant(goals)
     targets = {joint: joint.check(angle) for joint, angle in goals.items()}
     pairs = [joint for joint in targets if len(joint.parts) > 1]
     if pairs:

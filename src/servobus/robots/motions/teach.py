@@ -113,7 +113,7 @@ class Teach(Turns[TeachTick]):
         """
         if not self._named:
             states = yield from jobs.look(self.joints)
-            self.joints = [joint for joint in self.joints if not states[joint.name].torque]
+            self.joints = [joint for joint in self.joints if states[joint.name].limp]
             if not self.joints:
                 raise MotionError("all joints have torque, so nobody could move them: name those that are to go limp")
         self._cycle = RobotCycle(self._ports, self.joints, "present_position", self.period)
