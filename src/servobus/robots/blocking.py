@@ -106,8 +106,10 @@ class RobotJoints(Blocking, JointSet[RobotJoint]):
         time    s that the move takes, or
         speed   rad/s of the joint with the longest way; 90°/s if neither is given. No joint exceeds its own `speed`
 
-        The servos run the move by themselves: their acceleration is their own. Everything is checked before anything
-        moves. Raises BadValue outside the limits, TorqueOff, Disagreement or UsageError.
+        The servos run the move by themselves, and speed up as they do. A joint with a limit of acceleration gets at
+        least the time of its quickest move that keeps it; `play` keeps it at every instant. Everything is checked
+        before anything moves. Raises BadValue outside the limits or for too short a time, TorqueOff, Disagreement or
+        UsageError.
         """
         return RobotMove(self, self.start_move(goals, time=time, speed=speed, **angles))
 

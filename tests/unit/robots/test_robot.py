@@ -194,6 +194,24 @@ def test_a_move_without_a_time_keeps_the_speed_of_each_joint(stiff: Robot) -> No
         stiff.move()
 
 
+def test_a_move_has_time_for_the_acceleration_of_each_joint() -> None:
+    text = SIX.replace("# acceleration", "acceleration").replace(
+        'limits = ["-70deg", "100deg"]', 'limits = ["-70deg", "100deg"]\nacceleration = "100deg/s2"\njerk = "400deg/s3"'
+    )
+    with servobus.robot(read_text(text)) as arm:
+        start = arm.base.position()
+        # From rest to rest a way d takes d / V + V / A, and 2 √(d / A) where V is not reached.
+        assert arm.plan_move(base=start + 80 * deg).duration == pytest.approx(80 / 120 + 120 / 400, rel=0.02)
+        assert arm.plan_move(base=start + 9 * deg, speed=300 * deg).duration == pytest.approx(2 * 0.15, rel=0.05)
+        # With jerk, where A is not reached: 4 ∛(d / 2J).
+        way = arm.wrist.position() + 4 * deg
+        assert arm.plan_move(wrist=way, speed=300 * deg).duration == pytest.approx(4 * (4 / 800) ** (1 / 3), rel=0.05)
+        with pytest.raises(BadValue, match=r"base: 80.* in 900 ms is faster than its 400\.0°/s²; give it 967"):
+            arm.plan_move(base=start + 80 * deg, time=0.9)
+        with pytest.raises(BadValue, match=r"base: 80.* is faster than its 120\.0°/s; give it"):
+            arm.plan_move(base=start + 80 * deg, time=0.5)
+
+
 @pytest.mark.parametrize(
     ("joint", "degrees", "told"),
     [

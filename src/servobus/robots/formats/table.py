@@ -6,11 +6,6 @@ from servobus.errors import FormatError, UnknownName
 from servobus.robots.formats import d6a, lerobot, move, pypot, robotis, ros2_control, urdf
 from servobus.robots.formats.base import Format, listed
 
-
-def _never(_data: bytes) -> bool:
-    return False
-
-
 FORMATS = {
     one.name: one
     for one in (
@@ -46,6 +41,17 @@ FORMATS = {
             new=robotis.new,
         ),
         Format(
+            "ros2_control",
+            "URDF with the <ros2_control> tags of dynamixel_hardware",
+            (".urdf",),
+            "joints as in a URDF; ports and their speeds, ids, zero, directions and gears",
+            "models, groups, poses, motions, and servos other than Dynamixel",
+            ros2_control.known,
+            write=ros2_control.write,
+            new=ros2_control.new,
+            onto=urdf.onto,
+        ),
+        Format(
             "urdf",
             "URDF",
             (".urdf", ".xml"),
@@ -54,15 +60,6 @@ FORMATS = {
             urdf.known,
             write=urdf.write,
             onto=urdf.onto,
-        ),
-        Format(
-            "ros2_control",
-            "URDF with the <ros2_control> tags of dynamixel_hardware",
-            (".urdf",),
-            "joints as in a URDF; ports and their speeds, ids, zero, directions and gears",
-            "groups, poses, motions, and servos other than Dynamixel",
-            _never,
-            write=ros2_control.write,
         ),
         Format(
             "d6a",
