@@ -623,6 +623,21 @@ def test_a_port_that_is_not_there_is_named() -> None:
         servobus.robot(read_text(text))
 
 
+def test_a_robot_that_may_be_incomplete_opens_without_a_port() -> None:
+    text = SIX.replace("?clock=virtual", "").replace("virtual:lx16a@1-2", "/dev/there-is-none")
+    with servobus.robot(read_text(text), incomplete=True) as arm:
+        assert [(finding.kind, finding.port) for finding in arm.attendance.grave] == [("port", "hand")]
+        assert set(arm.attendance.unusable(arm)) == {"wrist", "grip"}
+        seen = arm.positions()
+        assert (list(seen), list(seen.lost)) == ([*JOINTS[:4]], ["wrist", "grip"])
+        with pytest.raises(PortError, match=r"^wrist: /dev/there-is-none: no such port"):
+            arm.wrist.position()
+    for port in ("virtual:rx28@1-3", "virtual:drs0602@1-2"):
+        text = text.replace(port, "/dev/nor-is-this")
+    with pytest.raises(PortError, match=r"port base: /dev/nor-is-this"):
+        servobus.robot(read_text(text), incomplete=True)
+
+
 def test_a_file_without_joints_is_no_robot() -> None:
     with pytest.raises(RobotFileError, match="there is no joint"):
         servobus.robot(read_text("[robot]\nformat = 1\n"))

@@ -60,12 +60,17 @@ def stop(file: str, joints: tuple[str, ...], json: bool) -> None:
     with robot(read_file(file), incomplete=True) as arm, signals_as_interrupt():
         wanted = arm.named(*joints)
         done = arm.do(jobs.stop(wanted), priority=Priority.STOP)
-    held = {name: not any(end.let_go for end in ends) for name, ends in done.items()}
+    # What a servo says of itself has its own angles in it, which are not those of the joint.
+    said = {
+        name: "; ".join(dict.fromkeys(end.text if end.let_go else "held where it is" for end in ends))
+        for name, ends in done.items()
+    }
     if json:
-        print_json({name: {"held": one} for name, one in held.items()})
+        held = {name: not any(end.let_go for end in ends) for name, ends in done.items()}
+        print_json({name: {"held": held[name], "done": text} for name, text in said.items()})
         return
-    for name, one in held.items():
-        click.echo(f"{name} {'stopped' if one else 'let go: its servo stands outside its limits, or cannot hold'}")
+    for name, text in said.items():
+        click.echo(f"{name}: {text}")
 
 
 def _check_there(arm: Robot, joints: list[RobotJoint]) -> None:
