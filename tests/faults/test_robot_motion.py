@@ -18,7 +18,7 @@ from servobus.robots.motions.leading import Phase
 from servobus.robots.motions.motion import Motion
 from servobus.robots.teleop import Teleop
 from servobus.virtual.physics.motor import Load
-from unit.robots.played_arm import goals_in, port_of, servos_of, shaft_angles
+from unit.robots.arms import goals_in, port_of, servos_of, shaft_angles
 
 ROBOT = """
 [robot]

@@ -258,7 +258,7 @@ def test_a_pose_is_undone(run: Run, refused: Callable[..., str], arm: Path) -> N
 
 def test_joints_and_poses_are_offered(arm: Path) -> None:
     assert offered("robot", "move", str(arm), "e") == ["elbow="]
-    assert offered("pose", "go", str(arm), "") == ["home", "open"]
+    assert offered("pose", "go", str(arm), "") == ["home", "open", "up"]
     assert offered("pose", "save", str(arm), "new", "gr") == ["grip"]
     assert offered("pose", "") == ["save", "go", "list"]
 

@@ -23,9 +23,8 @@ from servobus.robots.teleop import Teleop
 from servobus.virtual.serve.inprocess import VirtualPort
 from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import parse_url
-from unit.robots.arms import JOINTS
+from unit.robots.arms import JOINTS, goals_in, opened, port_of, servos_of, shaft_angles
 from unit.robots.arms import LIVE as SIX
-from unit.robots.played_arm import goals_in, opened, port_of, servos_of, shaft_angles
 
 STEP = 0.35 * deg
 """The coarsest step of a servo here, 300° / 1023 and 240° / 1000, and a little of noise."""
