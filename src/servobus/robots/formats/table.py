@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from servobus.errors import FormatError, UnknownName
-from servobus.robots.formats import d6a, lerobot, move, pypot, robotis, ros2_control, urdf
+from servobus.robots.formats import d6a, lerobot, move, mtn, pypot, robotis, ros2_control, urdf
 from servobus.robots.formats.base import Format, listed
 
 FORMATS = {
@@ -69,6 +69,15 @@ FORMATS = {
             "names, models, zero and directions: they are those of the robot file",
             d6a.known,
             onto=d6a.onto,
+        ),
+        Format(
+            "mtn",
+            "motion file of RoboPlus",
+            (".mtn",),
+            "poses, pauses and their times of each page, as the steps of a motion",
+            "names, models, zero and directions: they are those of the robot file",
+            mtn.known,
+            onto=mtn.onto,
         ),
         Format(
             "move",
