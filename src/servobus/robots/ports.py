@@ -15,7 +15,7 @@ from servobus.bus.blocking import Bus
 from servobus.bus.side_by_side import run_side_by_side
 from servobus.core.exchange import Job, Pause
 from servobus.core.operation import Priority
-from servobus.errors import ServobusError, UsageError
+from servobus.errors import PortError, ServobusError, UsageError
 from servobus.robots.steps import RobotJob, Together
 
 B = TypeVar("B", bound=BaseBus[Any])
@@ -34,6 +34,13 @@ class Ports(Generic[B]):
         """Whether time passes by itself."""
         self._began = time.monotonic()
         self._behind = {name: bus.transport.now() - self.now() for name, bus in self.buses.items()}
+        self.closed = False
+        """Whether the robot was closed: nothing is asked any more."""
+
+    def check_open(self) -> None:
+        """Raise PortError once the robot was closed; its joints would all count as lost."""
+        if self.closed:
+            raise PortError("this robot is closed; open it anew with servobus.robot(FILE)")
 
     def now(self) -> float:
         """Give the time on the robot's clock, s since it was opened."""
@@ -63,11 +70,13 @@ class BlockingPorts(Ports[Bus]):
 
     def close(self) -> None:
         """End the threads. What they still do on a line ends by itself."""
+        self.closed = True
         if self._threads is not None:
             self._threads.shutdown(wait=False)
 
     def do(self, job: RobotJob[T], priority: Priority) -> T:
         """Carry out a job of the robot."""
+        self.check_open()
         answer: Any = None
         try:
             while True:
