@@ -44,6 +44,7 @@ class AsyncPorts(Awaiting, Ports[AsyncBus]):
 
     async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
         """Carry out a job of the robot; see `BlockingPorts.do`."""
+        self.check_open()
         answer: Any = None
         try:
             while True:
@@ -208,11 +209,13 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         await self._stack.__aexit__(kind, error, trace)
+        self.close()
 
     def close(self) -> None:
         """Give the ports back. Torque stays as it is."""
         for bus in self.buses.values():
             bus.close()
+        self._ports.closed = True
 
     def play(
         self, motion: "str | Motion | Trajectory", *, rate: float = 100.0, loop: bool | None = None

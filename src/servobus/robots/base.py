@@ -97,6 +97,9 @@ class JointSet(Closed, Generic[J]):
     def __len__(self) -> int:
         return len(self.joints)
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {', '.join(self.joints)}>"
+
     def __contains__(self, joint: object) -> bool:
         return joint in self.joints or any(one is joint for one in self)
 

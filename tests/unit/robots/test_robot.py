@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import servobus
 from servobus import BadValue, Bus, Disagreement, NoReply, RobotFileError, TorqueOff, UnknownName, UsageError, deg
-from servobus.errors import MotionError, PortError, RobotMismatch
+from servobus.errors import MotionError, MoveTimeout, PortError, RobotMismatch, Stopped
 from servobus.families import registry
 from servobus.jobs.scan import ScanProgress
 from servobus.robots.blocking import Robot
@@ -333,8 +333,35 @@ def test_a_joint_that_is_lost_on_the_way_is_told(stiff: Robot) -> None:
     move = stiff.move(rad(OTHER), time=2.0)
     pass_time(stiff, 0.3)
     unplug(stiff, "elbow")
-    with pytest.raises(NoReply, match="id 1"):
+    with pytest.raises(NoReply, match=r"^elbow: .*id 1"):
         move.wait()
+
+
+def test_errors_speak_of_joints_and_their_angles(stiff: Robot) -> None:
+    """Each port may have a servo with id 1, and its angle is not that of the joint."""
+    stiff.move(rad(HOME), time=2.0).wait()
+    move = stiff.move(base=60 * deg, time=2.0)
+    pass_time(stiff, 0.5)
+    stiff.base.stop()
+    with pytest.raises(Stopped, match=r"^base is at [0-9.]+° and goes to 60\.\d° no more"):
+        move.wait()
+    block(stiff, "elbow", 0)
+    move = stiff.move(elbow=-20 * deg, time=1.0)
+    with pytest.raises(MoveTimeout, match=r"^elbow is at 20\.\d° and did not reach -20\.\d°"):
+        move.wait()
+    unplug(stiff, "wrist")
+    for ask in (stiff.wrist.position, stiff.wrist.look, stiff.torque_off, lambda: stiff.move(wrist=0.1)):
+        with pytest.raises(NoReply, match=r"^wrist: .*id 1"):
+            ask()
+    assert repr(stiff.positions()).endswith("'wrist': lost}")
+
+
+def test_a_robot_that_was_closed_says_so() -> None:
+    with opened(SIX) as arm:
+        cycle, play = arm.cycle(), arm.play("wave")
+    for ask in (arm.positions, arm.look, arm.check, arm.stop, arm.base.position, cycle.run, play.wait):
+        with pytest.raises(PortError, match="this robot is closed; open it anew"):
+            ask()
 
 
 # Two servos on one axis
@@ -594,6 +621,21 @@ def test_a_port_that_is_not_there_is_named() -> None:
     text = SIX.replace("virtual:lx16a@1-2?clock=virtual", "/dev/there-is-none")
     with pytest.raises(PortError, match=r"port hand: .*there-is-none"):
         servobus.robot(read_text(text))
+
+
+def test_a_robot_that_may_be_incomplete_opens_without_a_port() -> None:
+    text = SIX.replace("?clock=virtual", "").replace("virtual:lx16a@1-2", "/dev/there-is-none")
+    with servobus.robot(read_text(text), incomplete=True) as arm:
+        assert [(finding.kind, finding.port) for finding in arm.attendance.grave] == [("port", "hand")]
+        assert set(arm.attendance.unusable(arm)) == {"wrist", "grip"}
+        seen = arm.positions()
+        assert (list(seen), list(seen.lost)) == ([*JOINTS[:4]], ["wrist", "grip"])
+        with pytest.raises(PortError, match=r"^wrist: /dev/there-is-none: no such port"):
+            arm.wrist.position()
+    for port in ("virtual:rx28@1-3", "virtual:drs0602@1-2"):
+        text = text.replace(port, "/dev/nor-is-this")
+    with pytest.raises(PortError, match=r"port base: /dev/nor-is-this"):
+        servobus.robot(read_text(text), incomplete=True)
 
 
 def test_a_file_without_joints_is_no_robot() -> None:

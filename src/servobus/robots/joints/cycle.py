@@ -119,14 +119,15 @@ class RobotCycle:
     def _result(self, results: Mapping[str, Result], times: Mapping[str, float]) -> RobotResult:
         values: dict[str, dict[str, Any]] = {}
         lost: dict[str, ServobusError] = {}
+        came = {port: result.by_servo for port, result in results.items()}
         for joint in self.joints:
-            seen = []
+            seen: list[dict[str, Any]] = []
             for part in joint.parts:
-                result = results[part.port]
-                if part.servo in result.lost:
-                    lost.setdefault(joint.name, result.lost[part.servo])
+                one = came[part.port].get(part.servo)
+                if one is None:
+                    lost.setdefault(joint.name, results[part.port].lost[part.servo])
                 else:
-                    seen.append(result[part.servo])
+                    seen.append(one)
             if joint.mistaken:
                 lost[joint.name] = joint.mismatch()
             if joint.name not in lost:

@@ -144,6 +144,8 @@ def servo_angles(joints: Sequence[Joint]) -> RobotJob[tuple[dict[Part, float], d
 def joined(joint: Joint, name: str, values: Sequence[Any]) -> Any:
     """Give what the servos of a joint say as one value of the joint."""
     turned = [to_joint(part.axis, name, value) for part, value in zip(joint.parts, values, strict=True)]
+    if len(turned) == 1:
+        return turned[0]
     if name == "present_position":
         agree(joint, turned)
     return sum(turned) / len(turned) if name in (*ANGLES, *RATES) else turned[0]
@@ -211,7 +213,7 @@ def torque_on(joints: Sequence[Joint]) -> RobotJob[None]:
     if pairs:
         yield from read(pairs, "present_position")
     outcomes = yield from each(on_each_port(joints, _switch_on_all))
-    failures = {servo: error for port in outcomes.values() if isinstance(port, dict) for servo, error in port.items()}
+    failures = _named(joints, outcomes)
     torn = [joint for joint in pairs if any(part.servo in failures for part in joint.parts)]
     yield from each(on_each_port(torn, _let_go_all))
     for outcome in outcomes.values():
@@ -246,9 +248,17 @@ def _let_go_all(parts: Sequence[Part]) -> Procedure[dict[Servo, ServobusError]]:
 def torque_off(joints: Sequence[Joint]) -> RobotJob[None]:
     """Switch the torque of joints off: of each, though it fails with others; then raise the first failure."""
     outcomes = yield from together(on_each_port(joints, _let_go_all))
-    for failures in outcomes.values():
-        for error in failures.values():
-            raise error
+    for error in _named(joints, outcomes).values():
+        raise error
+
+
+def _named(joints: Iterable[Joint], outcomes: Mapping[str, Any]) -> dict[Servo, ServobusError]:
+    """Give servo -> error of what came of all ports, the name of its joint in each."""
+    names = {part.servo: joint.name for joint in joints for part in joint.parts}
+    failures = {servo: error for port in outcomes.values() if isinstance(port, dict) for servo, error in port.items()}
+    for servo, error in failures.items():
+        error.tell_whose(names[servo])
+    return failures
 
 
 def stop(joints: Sequence[Joint]) -> RobotJob[dict[str, tuple[StopOutcome, ...]]]:

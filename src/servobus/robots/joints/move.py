@@ -7,7 +7,7 @@ servo speeds up within that time is its own: HerkuleX for a quarter of it, an MX
 fast as their motor can. `play` is for motions that keep the limits at every instant.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -15,12 +15,14 @@ from servobus.core.arguments import check_above_0
 from servobus.core.exchange import Now, Pause
 from servobus.core.units import show
 from servobus.errors import BadValue, Disagreement, MotionError, ServobusError, TorqueOff, UsageError
+from servobus.families.base import KnownServo
 from servobus.jobs.move import (
     DEFAULT_SPEED,
     GRACE,
     LOOK,
     SHORTEST,
     PlannedMove,
+    Wording,
     cancel,
     has_ended,
     plan,
@@ -28,10 +30,30 @@ from servobus.jobs.move import (
     wait_arrival,
 )
 from servobus.robots.joints import jobs
-from servobus.robots.joints.joint import Joint, check_meant
+from servobus.robots.joints.joint import Joint, Part, check_meant
 from servobus.robots.steps import RobotJob, each, together
 from servobus.robots.trajectory.limits import RANGE, JointLimits
 from servobus.robots.trajectory.profile import quickest
+
+
+class JointWording(Wording):
+    """In the errors of a move joints stand in place of their servos, with their angles."""
+
+    def __init__(self, joints: Iterable[Joint]) -> None:
+        self._parts: dict[KnownServo, tuple[Joint, Part]] = {
+            part.servo.target: (joint, part) for joint in joints for part in joint.parts
+        }
+
+    def name(self, target: KnownServo) -> str:
+        joint, part = self._parts[target]
+        return joint.name if len(joint.parts) == 1 else f"{joint.name} ({part.servo.target} on {part.port})"
+
+    def angle(self, target: KnownServo, angle: float) -> str:
+        _, part = self._parts[target]
+        return show(part.axis.to_joint(angle), "rad")
+
+    def tell(self, target: KnownServo, error: ServobusError) -> None:
+        error.tell_whose(self.name(target))
 
 
 class JointMove:
@@ -82,6 +104,7 @@ def plan_joints(
     pairs = [joint for joint in targets if len(joint.parts) > 1]
     if pairs:
         yield from jobs.read(pairs, "present_position")
+    wording = JointWording(targets)
     planned = yield from together(
         jobs.on_each_port(
             targets,
@@ -94,6 +117,7 @@ def plan_joints(
                 },
                 time=time,
                 speed=speed,
+                wording=wording,
             ),
         )
     )

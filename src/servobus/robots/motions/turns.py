@@ -8,12 +8,13 @@ whatever happened. One iterates over it, or waits:
 """
 
 from collections.abc import AsyncGenerator, Generator
+from contextlib import suppress
 from typing import Any, Generic, TypeVar
 
 from servobus.bus.rate import Rate
 from servobus.core.arguments import check_above_0
 from servobus.core.operation import Awaiting, Blocking, bus_method
-from servobus.errors import BadValue
+from servobus.errors import BadValue, PortError
 from servobus.robots.joints.cycle import RobotResult
 from servobus.robots.ports import AsyncOnPorts, OnPorts, Ports
 from servobus.robots.steps import RobotJob
@@ -85,6 +86,10 @@ class BlockingTurns(OnPorts, Turns[K]):
                 if (tick := self.step()) is None:
                     break
                 yield tick
+        except GeneratorExit as thrown_away:
+            with suppress(PortError):  # nothing can be done where the robot was closed before
+                self.end(thrown_away)
+            raise
         except BaseException as error:
             self.end(error)
             raise
@@ -106,6 +111,10 @@ class AsyncTurns(AsyncOnPorts, Turns[K]):
                 if (tick := await self.step()) is None:
                     break
                 yield tick
+        except GeneratorExit as thrown_away:
+            with suppress(PortError):  # nothing can be done where the robot was closed before
+                await self.end(thrown_away)
+            raise
         except BaseException as error:
             await self.end(error)
             raise
