@@ -102,7 +102,7 @@ def _web(how: dict[str, Any]) -> dict[str, Any]:
     if how["key"]:
         web |= {"key": str(how["key"].absolute())}
     if how["password"]:
-        from servobus.server.web.passwords import hash_password  # noqa: PLC0415 - seldom wanted
+        from servobus.server.web.auth import hash_password  # noqa: PLC0415 - seldom wanted
 
         web["password"] = hash_password(click.prompt("password", hide_input=True, confirmation_prompt=True))
     return web
