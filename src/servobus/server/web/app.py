@@ -11,6 +11,7 @@ from servobus.server.web.api.answers import Context, handle_errors
 from servobus.server.web.auth import Authority
 from servobus.server.web.config import WebConfig
 from servobus.server.web.guard import Guard
+from servobus.server.web.owner_link import OwnerLink
 from servobus.server.web.service import Service
 
 ABOUT = """Servos on serial buses: read, set up, move and watch them.
@@ -73,8 +74,10 @@ class WebApplication:
 
     @asynccontextmanager
     async def _lifespan(self, _: FastAPI) -> AsyncIterator[None]:
+        if self.config.owner is not None:
+            await self.service.join(OwnerLink(*self.config.owner, self.config.owner_token))
         for name, port in self.config.buses.items():
-            self.service.open_bus("server", name, port)
+            await self.service.open_bus("server", name, port)
         for name, file in self.config.robots.items():
             self.service.open_robot(name, file)
         try:
