@@ -25,7 +25,8 @@ SPEC = "virtual:rx28@1-2,lx16a@3"
 def test_sources_are_ports_named_ports_and_robot_files(tmp_path: Path) -> None:
     file = tmp_path / "arm.toml"
     file.write_text(
-        '[robot]\nformat = 1\n[port.left]\npath = "/dev/ttyUSB7"\n[joint.elbow]\nport = "left"\nmodel = "rx28"\nid = 1\n',
+        '[robot]\nformat = 1\n[port.left]\npath = "/dev/ttyUSB7"\n'
+        '[joint.elbow]\nport = "left"\nmodel = "rx28"\nid = 1\n',
         encoding="utf-8",
     )
     ports, robots = buses_of(

@@ -2,6 +2,7 @@
 
 import ipaddress
 import json
+import re
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -86,17 +87,27 @@ class WebConfig:
                 "password, or the flag `exposed`, which gives the servos to whoever reads along on the network"
             )
 
-    def authorities(self, port: int) -> frozenset[str]:
-        """Give what the header Host may say, where the server listens at this port."""
-        hosts = {"127.0.0.1", "localhost", "[::1]", *self.names}
-        if not self.loopback:
-            hosts.add(f"[{self.host}]" if ":" in self.host else self.host)
+    def goes_by(self, host: str, port: int) -> bool:
+        """Tell whether the header Host names this server, where it listens at this port.
+
+        Where it can be reached from other computers any address of digits will do: what a foreign page can make lead
+        here is a name of its own.
+        """
         usual = {"http": 80, "https": 443}[self.scheme]
-        return frozenset(
-            name.lower()
-            for host in hosts
-            for name in ((f"{host}:{port}", host) if port == usual else (f"{host}:{port}",))
-        )
+        name, _, number = host.rpartition(":") if re.search(r":\d+$", host) else (host, ":", f"{usual}")
+        if number != f"{port}":
+            return False
+        if name in {"127.0.0.1", "localhost", "[::1]", self.host, *(known.lower() for known in self.names)}:
+            return True
+        return not self.loopback and _is_address(name)
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name.removeprefix("[").removesuffix("]"))
+    except ValueError:
+        return False
+    return True
 
 
 _PATHS = ("tokens_file", "certificate", "key", "recordings", "audit")

@@ -20,12 +20,13 @@ from servobus.families.present import model_entry, servo_entry
 from servobus.jobs.scan import ScanProgress
 from servobus.remote.managing import Happened
 from servobus.server.web.audit import Audit
+from servobus.server.web.entries import snapshot_entry
 from servobus.server.web.errors import TooMany
 from servobus.server.web.feeds import Events, Feed
 from servobus.server.web.holders import Driven, Holder
 from servobus.server.web.jobs import Jobs, ServerJob
 from servobus.server.web.owner_link import OwnerLink, event_data
-from servobus.server.web.served_bus import Actor, ServedBus, snapshot_entry
+from servobus.server.web.served_bus import Actor, ServedBus
 from servobus.server.web.served_robot import ServedRobot
 from servobus.server.web.values import key_of
 
