@@ -84,9 +84,8 @@ class Jobs:
 
     def start(self, kind: str, bus: str, by: str, run: Callable[[ServerJob], Awaitable[Any]]) -> ServerJob:
         """Begin a job. Raises TooMany, and UsageError where one of those that have a port to themselves runs there."""
-        if kind in ALONE and any(
-            (one.kind, one.bus, one.state) == (kind, bus, "running") for one in self._jobs.values()
-        ):
+        running = [job for job in self._jobs.values() if job.state == "running"]
+        if kind in ALONE and any((job.kind, job.bus) == (kind, bus) for job in running):
             raise UsageError(f"a {kind} of {bus} is running already: wait for it, or cancel it")
         if len(running) >= MOST_RUNNING:
             raise TooMany(f"{MOST_RUNNING} jobs are running already: wait for one of them, or cancel it")
