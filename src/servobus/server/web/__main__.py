@@ -8,6 +8,7 @@ variable of the environment. It says on its standard output where it listens, on
 import asyncio
 import contextlib
 import gc
+import importlib.util
 import json
 import logging
 import os
@@ -48,6 +49,10 @@ def serve(config: WebConfig, *, until: Callable[[Callable[[], None]], None] | No
     except ImportError as error:
         raise UsageError(f"{error.name} is not installed: install servobus[server]") from None
     application = WebApplication(config)
+    if importlib.util.find_spec("nicegui") is not None:  # the extra `server` alone has the API and no pages
+        from servobus.server.web.page import mount  # noqa: PLC0415
+
+        mount(application)
     application.listens(listener.getsockname()[1])
     server = uvicorn.Server(server_settings(application))
     asyncio.run(_run(server, listener, application, until or _parent_ended))

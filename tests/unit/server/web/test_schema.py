@@ -59,7 +59,7 @@ async def anew(made: Served, robot: str) -> None:
     service.jobs.break_off(None)
     for name in list(service.buses):
         await service.close_bus("server", name)
-    bus = service.open_bus("server", "bench", SPEC).bus
+    bus = (await service.open_bus("server", "bench", SPEC)).bus
     for model, key in zip(("rx28", "rx28", "drs0602", "lx16a"), KEYS, strict=True):
         bus.attach(model, int(key.partition(":")[2].partition("@")[0]))
     await bus.torque_on()
