@@ -81,7 +81,7 @@ class Care:
         with _card("Id and speed", "Both are in the EEPROM. Only one servo of a bus may have an id."):
             with ui.element("div").classes("sb-form"):
                 id = ui.number("Id", value=bench.id, min=0, max=253, precision=0).props("outlined dense")
-                id.props["data-care"] = "id"
+                id.props["data-do"] = "id"
                 bauds = {baud: f"{baud:,}".replace(",", " ") + " baud" for baud in sorted(bench.model.bauds)}
                 bauds.setdefault(bench.baud, f"{bench.baud} baud")
                 baud = ui.select(bauds, label="Speed", value=bench.baud).props("outlined dense options-dense")
@@ -129,7 +129,7 @@ class Care:
                     ui.label("Reads now").classes("sb-muted sb-small")
                     self._present = ui.label("…").classes("sb-big sb-value")
                 wanted = ui.number("Shall read, °", value=0, format="%.1f").props("outlined dense")
-                wanted.props["data-care"] = "zero"
+                wanted.props["data-do"] = "zero-angle"
                 wanted.set_enabled(bench.may_change)
             ui.label("The shaft does not turn: the torque has to be off.").classes("sb-muted sb-small")
             _action("Set the zero", lambda: self._set_zero(wanted.value), bench, what="zero")
@@ -180,7 +180,7 @@ class Care:
                     on_upload=self._uploaded,
                     on_rejected=lambda: ui.notify("This is too large for a backup", type="warning", position="top"),
                 ).props("accept=.toml,.txt,text/plain")
-                upload.classes("sb-hidden").props["data-care"] = "restore"
+                upload.classes("sb-hidden").props["data-do"] = "restore"
                 _button("Restore from a file", "upload_file", lambda: upload.run_method("pickFiles"))
 
     async def _download(self) -> None:
@@ -234,7 +234,7 @@ class Care:
                 ui.label("No other servo of this family is known on this bus.").classes("sb-muted")
                 return
             target = ui.select(others, label="To").props("outlined dense options-dense").classes("sb-wide")
-            target.props["data-care"] = "copy"
+            target.props["data-do"] = "copy-to"
             _action("Copy", lambda: self._copy_to(target.value), bench, what="copy")
 
     async def _copy_to(self, key: str | None) -> None:
@@ -252,7 +252,7 @@ class Care:
                 ui.label("No other servo is known on this bus.").classes("sb-muted")
                 return
             other = ui.select(others, label="With").props("outlined dense options-dense").classes("sb-wide")
-            other.props["data-care"] = "compare"
+            other.props["data-do"] = "compare"
             result = ui.element("div").classes("sb-wide")
 
             async def show() -> None:
