@@ -10,6 +10,7 @@ import contextlib
 import gc
 import importlib.util
 import json
+import logging
 import os
 import socket
 import sys
@@ -28,6 +29,7 @@ SLOW_END = 3
 
 
 def main() -> int:
+    gc.disable()  # until everything is imported
     try:
         config = parse(sys.stdin.readline())
         serve(config)
@@ -61,6 +63,8 @@ def server_settings(application: Any) -> Any:
     import uvicorn  # noqa: PLC0415
 
     config: WebConfig = application.config
+    # A socket that is refused with a status is to uvicorn one that nobody has answered.
+    logging.getLogger("uvicorn.error").addFilter(_said_of_refusals)
     return uvicorn.Config(
         application.asgi,
         loop="none",
@@ -84,6 +88,10 @@ def server_settings(application: Any) -> Any:
     )
 
 
+def _said_of_refusals(record: logging.LogRecord) -> bool:
+    return "without completing handshake" not in record.getMessage()
+
+
 async def _run(
     server: Any, listener: socket.socket, application: Any, until: Callable[[Callable[[], None]], None]
 ) -> None:
@@ -104,6 +112,7 @@ async def _run(
             gc.collect()
             gc.freeze()
             gc.set_threshold(*COLLECT)
+            gc.enable()
             say({"ready": application.context.base})
         await ended
 
