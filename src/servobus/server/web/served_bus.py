@@ -27,7 +27,7 @@ from servobus.server.web.holders import Holder
 from servobus.server.web.jobs import Jobs, ServerJob
 from servobus.server.web.owner_link import OwnerLink
 from servobus.server.web.poller import LONGEST, OVERVIEW, SHORTEST, Poller, Rows
-from servobus.server.web.values import decoded, key_of, optional_row, raws_of, readable_row, servo_of
+from servobus.server.web.values import decoded, key_of, optional_row, raw_value, raws_of, readable_row, servo_of
 
 T = TypeVar("T")
 
