@@ -4,7 +4,7 @@ const point = (angle, radius) => [radius * Math.sin(angle), -radius * Math.cos(a
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
 export default {
-  template: `<svg class="sb-aim" :class="{disabled}" viewBox="-110 -110 220 220" role="slider" :tabindex="disabled ? -1 : 0"
+  template: `<svg class="sb-aim" :class="{disabled}" viewBox="-110 -96 220 196" role="slider" :tabindex="disabled ? -1 : 0"
     :aria-label="label" :aria-valuemin="deg(low)" :aria-valuemax="deg(high)" :aria-valuenow="deg(goal ?? position ?? low)"
     :aria-disabled="disabled" @pointerdown="down" @pointermove="move" @pointerup="up" @pointercancel="up" @keydown="key">
     <path class="range" :d="arc(least, most)" /><path class="allowed" :d="arc(low, high)" />
@@ -68,7 +68,7 @@ export default {
     },
     at(event) {
       const box = this.$el.getBoundingClientRect();
-      let turn = Math.atan2(event.clientX - box.x - box.width / 2, -(event.clientY - box.y - box.height / 2));
+      let turn = Math.atan2(event.clientX - box.x - box.width / 2, -(event.clientY - box.y - (box.height * 96) / 196));
       const scale = this.whole > 2 * Math.PI ? 5.24 / this.whole : 1;
       let angle = this.middle + turn / scale;
       // Near the gap at the bottom the pointer may cross to the other side: the goal stays at its end.

@@ -129,6 +129,8 @@ class DriveCard:
         self._slider.props(f"min={low} max={high}")
         self._number.min, self._number.max = low, high
         self._position_seen(motion["position"])
+        if self.goal is None:
+            self._slider.value = self._number.value = min(max(round(motion["position"] / deg, 1), low), high)
         self._torque_seen(motion["torque"])
         self._show_modes()
 
