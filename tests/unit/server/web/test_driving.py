@@ -4,13 +4,13 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from tests.unit.server.web.rig import KEYS, ROBOT, rig
 
 from servobus.core.units import deg
 from servobus.errors import Stopped, UnknownName, UsageError
 from servobus.robots.file.reading import read_file
 from servobus.server.web.page.parts.names import joints
 from servobus.server.web.served_bus import Actor
+from unit.server.web.rig import KEYS, ROBOT, rig
 
 RX28, _, DRS0602, LX16A = KEYS
 ME = Actor("test")
