@@ -7,11 +7,11 @@ from nicegui import ui
 from servobus.core.units import deg
 from servobus.errors import ServobusError
 from servobus.server.web.page.context import PageContext
+from servobus.server.web.page.drive_card import SEEN, DriveCard, Settings
 from servobus.server.web.page.parts import toast
-from servobus.server.web.page.parts.driving import SEEN, DriveCard, Settings
 from servobus.server.web.page.parts.empty import empty
 from servobus.server.web.page.parts.names import titles
-from servobus.server.web.page.parts.robots import RobotCard
+from servobus.server.web.page.robot_card import RobotCard
 from servobus.server.web.served_bus import ServedBus
 
 FIRST_SERVOS = 4
