@@ -2,7 +2,7 @@
 
 import sys
 
-from bench import latency, play, reads, robot, startup, ticks, wire
+from bench import foreign, latency, play, reads, robot, server, startup, ticks, wire
 
 reads.main(sys.argv[1:])
 startup.main([])
@@ -16,3 +16,7 @@ print()
 robot.main(["--quick"] if "--quick" in sys.argv else [])
 print()
 play.main(["--seconds", "3"] if "--quick" in sys.argv else [])
+print()
+server.main(["--quick"] if "--quick" in sys.argv else [])
+print()
+foreign.main(["--quick"] if "--quick" in sys.argv else [])

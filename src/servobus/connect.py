@@ -120,6 +120,8 @@ def _name(port: str | PathLike[str]) -> str:
         raise UsageError(f"{port!r:.40} is no name of a port; one is /dev/ttyUSB0, COM4 or virtual:rx28@1-4")
     if not given.strip():
         raise UsageError("the name of the port is empty; `servobus ports` lists what is plugged in")
+    if "\0" in given:
+        raise UsageError(f"{given!r:.60} is no name of a port: a name has no NUL in it")
     if given.startswith(SCHEME):
         Address.parse(given)
     if match := re.match(r"(socket|rfc2217)://([^/?#]*)", given):

@@ -14,6 +14,11 @@ def test_an_address_without_host_or_port(name: str) -> None:
         servobus.open(name)
 
 
+def test_a_name_with_a_nul() -> None:
+    with pytest.raises(servobus.UsageError, match=r"^'/dev/tty\\x00' is no name of a port"):
+        servobus.open("/dev/tty\0")
+
+
 @pytest.mark.parametrize(
     ("name", "said"),
     [

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from servobus.bus.asyncio import AsyncBus
-from servobus.core.effect import Effect
+from servobus.core.effect import Effect, Kind
 from servobus.core.exchange import Batch, Exchange, Procedure
 from servobus.core.framing import Packet
 from servobus.core.operation import Priority
@@ -67,9 +67,9 @@ class _Waiting:
 class ForeignPort(ABC):
     """A port for one program of another make at a time, on one bus. To be opened by `async with`.
 
-    name     what people know the program by: where it is served
-    bus      the bus that it shares
-    refused  told of each request that the gate does not let through, with the error
+    name      what people know the program by: where it is served
+    bus       the bus that it shares; bus_name is its name
+    refused   told of each request that the gate does not let through, with the error
 
     It is what holds leases for the program: its `role` is that of an operator, and it has no deadman.
     """
@@ -86,7 +86,7 @@ class ForeignPort(ABC):
         name: str,
         refused: Callable[["ForeignPort", Exchange[Any], ServobusError], object] = lambda *_: None,
     ) -> None:
-        self.name, self.bus, self._bus_name = name, bus, bus_name
+        self.name, self.bus, self.bus_name = name, bus, bus_name
         self._gate, self._refused = gate, refused
         self.counts = Counts()
         self._cutter = RequestCutter(self._families)
@@ -100,6 +100,11 @@ class ForeignPort(ABC):
 
     def __repr__(self) -> str:
         return f"<{self.name}: {self.counts.requests} requests>"
+
+    @property
+    @abstractmethod
+    def port(self) -> str:
+        """What the program opens."""
 
     async def __aenter__(self) -> Self:
         self._loop = asyncio.get_running_loop()
@@ -193,18 +198,19 @@ class ForeignPort(ABC):
             family, request.packet.id, self._answers(family, request.packet.id, baud), self._now
         )
         exchange = exchange_of(request, reads=reads, awaited=awaited)
+        priority = _priority(effect)
         try:
-            self._gate.admit(self, self._bus_name, exchange, baud, waiting.asked)
+            self._gate.admit(self, self.bus_name, exchange, baud, waiting.asked, priority)
         except ServobusError as error:
             self.counts.refused += 1
             self._refused(self, exchange, error)
             return
         outcome: Any
         try:
-            outcome = await self._ask(exchange, baud, Priority.READ if reads else Priority.MOTION)
+            outcome = await self._ask(exchange, baud, priority)
         except ServobusError as error:
             outcome = error
-        self._gate.carried_out(self, self._bus_name, exchange, baud, outcome)
+        self._gate.carried_out(self, self.bus_name, exchange, baud, outcome)
         self._learn(request, exchange, effect, outcome)
         if exchange.replies:
             self._answer(waiting, outcome if isinstance(outcome, list) else [outcome])
@@ -409,6 +415,13 @@ class _Client(asyncio.Protocol):
     def connection_lost(self, _: Exception | None) -> None:
         assert self._transport is not None
         self._port.went(self._transport)
+
+
+def _priority(effect: Effect) -> Priority:
+    """Tell what a request is for. Torque off is no stop: an arm that another program holds would fall."""
+    if effect.only_reads:
+        return Priority.READ
+    return Priority.STOP if effect.kinds is Kind.STOPS else Priority.MOTION
 
 
 def _once(exchange: Exchange[Any]) -> Procedure[list[Any]]:

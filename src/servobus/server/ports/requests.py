@@ -187,7 +187,7 @@ def _exchange(family: Family, raw: bytes, reads: bool, awaited: bool) -> Exchang
     replies = tuple(reply for reply in replies if reply.certain or awaited)
     if len(replies) > 1:  # what an adapter says in the name of all of them is not waited for
         replies = tuple(reply for reply in replies if reply.id is not None)
-    what = f"a program's request to {'all' if packet.id == BROADCAST else f'id {packet.id}'}"
+    what = f"{raw.hex(' ').upper()} to {'all' if packet.id == BROADCAST else f'id {packet.id}'}"
     if len(replies) > 1:
         parts = [_one(family, what, _ping(family, reply.id).request, reply, repeatable=False) for reply in replies]
         return GroupExchange(what, family.framing, raw, parts)

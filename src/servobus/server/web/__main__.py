@@ -8,7 +8,9 @@ variable of the environment. It says on its standard output where it listens, on
 import asyncio
 import contextlib
 import gc
+import importlib.util
 import json
+import logging
 import os
 import socket
 import sys
@@ -18,14 +20,16 @@ from typing import Any
 
 from servobus.errors import ServobusError, UsageError
 from servobus.server.web.config import WebConfig, parse
+from servobus.server.web.rules import SMALL
 
 COLLECT = 50_000, 20, 100
 """When garbage is looked for: seldom, for each time the loop stands still; measured, it was 22 to 39 ms and is 3."""
-SLOW_END = 3.0
+SLOW_END = 3
 """s for which open connections may go on when the process ends."""
 
 
 def main() -> int:
+    gc.disable()  # until everything is imported
     try:
         config = parse(sys.stdin.readline())
         serve(config)
@@ -37,41 +41,60 @@ def main() -> int:
 
 def serve(config: WebConfig, *, until: Callable[[Callable[[], None]], None] | None = None) -> None:
     """Serve until the parent ends. Raises ServobusError for what cannot be served."""
+    listener = _listener(config)
     try:
-        import uvicorn  # noqa: PLC0415 - it takes its time, and the line of JSON is checked before
+        import uvicorn  # noqa: PLC0415 - it takes its time, and what is wrong is said before
 
         from servobus.server.web.app import WebApplication  # noqa: PLC0415
     except ImportError as error:
         raise UsageError(f"{error.name} is not installed: install servobus[server]") from None
-    listener = _listener(config)
     application = WebApplication(config)
+    if importlib.util.find_spec("nicegui") is not None:  # the extra `server` alone has the API and no pages
+        from servobus.server.web.page import mount  # noqa: PLC0415
+
+        mount(application)
     application.listens(listener.getsockname()[1])
-    server = uvicorn.Server(
-        uvicorn.Config(
-            application.asgi,
-            log_level="warning",
-            access_log=False,  # addresses may hold the token of a link
-            server_header=False,
-            proxy_headers=False,  # anybody can send them
-            ws="websockets-sansio",
-            ws_max_size=64 * 1024,
-            ws_ping_interval=5.0,
-            ws_ping_timeout=10.0,
-            ws_per_message_deflate=False,
-            timeout_keep_alive=30,
-            timeout_graceful_shutdown=int(SLOW_END),
-            limit_concurrency=500,
-            h11_max_incomplete_event_size=32 * 1024,
-            ssl_certfile=config.certificate,
-            ssl_keyfile=config.key,
-            lifespan="on",
-            interface="asgi3",
-        )
+    server = uvicorn.Server(server_settings(application))
+    asyncio.run(_run(server, listener, application, until or _parent_ended))
+
+
+def server_settings(application: Any) -> Any:
+    """Give what uvicorn is told: bounds for everything, no log of addresses, no belief in headers of others."""
+    import uvicorn  # noqa: PLC0415
+
+    config: WebConfig = application.config
+    # A socket that is refused with a status is to uvicorn one that nobody has answered.
+    logging.getLogger("uvicorn.error").addFilter(_said_of_refusals)
+    return uvicorn.Config(
+        application.asgi,
+        loop="none",
+        log_level="warning",
+        access_log=False,  # addresses may hold the token of a link
+        server_header=False,
+        proxy_headers=False,  # anybody can send them
+        ws="websockets-sansio",
+        ws_max_size=SMALL,
+        ws_ping_interval=5.0,
+        ws_ping_timeout=10.0,
+        ws_per_message_deflate=False,
+        timeout_keep_alive=30,
+        timeout_graceful_shutdown=SLOW_END,
+        limit_concurrency=500,
+        h11_max_incomplete_event_size=32 * 1024,
+        ssl_certfile=config.certificate,
+        ssl_keyfile=config.key,
+        lifespan="on",
+        interface="asgi3",
     )
-    asyncio.run(_run(server, listener, application.context.base, until or _parent_ended))
 
 
-async def _run(server: Any, listener: socket.socket, base: str, until: Callable[[Callable[[], None]], None]) -> None:
+def _said_of_refusals(record: logging.LogRecord) -> bool:
+    return "without completing handshake" not in record.getMessage()
+
+
+async def _run(
+    server: Any, listener: socket.socket, application: Any, until: Callable[[Callable[[], None]], None]
+) -> None:
     loop = asyncio.get_running_loop()
 
     def end() -> None:
@@ -81,17 +104,17 @@ async def _run(server: Any, listener: socket.socket, base: str, until: Callable[
         loop.call_soon_threadsafe(end)
 
     until(told)
-    ended = asyncio.ensure_future(server.serve(sockets=[listener]))
-    while not server.started and not ended.done():  # noqa: ASYNC110 - uvicorn tells nobody
-        await asyncio.sleep(0.005)
-    if server.started:
-        gc.collect()
-        gc.freeze()
-        gc.set_threshold(*COLLECT)
-        say({"ready": base})
-    await ended
-    if not server.started:
-        raise UsageError("the web process could not start: its log says why")
+    async with application:
+        ended = asyncio.ensure_future(server.serve(sockets=[listener]))
+        while not server.started and not ended.done():  # noqa: ASYNC110 - uvicorn tells nobody
+            await asyncio.sleep(0.005)
+        if server.started:
+            gc.collect()
+            gc.freeze()
+            gc.set_threshold(*COLLECT)
+            gc.enable()
+            say({"ready": application.context.base})
+        await ended
 
 
 def _listener(config: WebConfig) -> socket.socket:

@@ -1,7 +1,7 @@
 """The web process as one ASGI application: the guard around the API, and around pages where they are mounted."""
 
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from types import TracebackType
+from typing import Self
 
 from fastapi import FastAPI
 
@@ -11,6 +11,7 @@ from servobus.server.web.api.answers import Context, handle_errors
 from servobus.server.web.auth import Authority
 from servobus.server.web.config import WebConfig
 from servobus.server.web.guard import Guard
+from servobus.server.web.owner_link import OwnerLink
 from servobus.server.web.service import Service
 
 ABOUT = """Servos on serial buses: read, set up, move and watch them.
@@ -22,7 +23,7 @@ else: a servo that does not answer is 424.
 
 
 class WebApplication:
-    """The application, and what it works on.
+    """The application, and what it works on. It is opened by `async with`, in the loop that serves it.
 
     api      the inner application; pages are mounted on it, after the API
     asgi     what is served: the guard around it
@@ -45,7 +46,6 @@ class WebApplication:
             docs_url=None,  # their scripts come from elsewhere
             redoc_url=None,
             openapi_url=f"{API_PREFIX}/openapi.json",
-            lifespan=self._lifespan,
             redirect_slashes=False,
         )
         self.api.state.context = self.context
@@ -60,24 +60,31 @@ class WebApplication:
         host = f"[{config.host}]" if ":" in config.host else config.host
         name = config.names[0] if config.names and not config.loopback else host
         self.context.base = f"{config.scheme}://{name}:{port}"
-        authorities = config.authorities(port)
         self.asgi = Guard(
             self.api,
             self.authority,
-            authorities=lambda: authorities,
+            is_ours=lambda host: config.goes_by(host, port),
             scheme=config.scheme,
             cookie=self.context.cookie,
             local=config.loopback,
             read_only=config.read_only,
         )
 
-    @asynccontextmanager
-    async def _lifespan(self, _: FastAPI) -> AsyncIterator[None]:
-        for name, port in self.config.buses.items():
-            self.service.open_bus("server", name, port)
-        for name, file in self.config.robots.items():
-            self.service.open_robot(name, file)
+    async def __aenter__(self) -> Self:
+        """Open all buses and robots. Raises ServobusError, with nothing open, if one of them cannot be."""
         try:
-            yield
-        finally:
+            if self.config.owner is not None:
+                await self.service.join(OwnerLink(*self.config.owner, self.config.owner_token))
+            for name, port in self.config.buses.items():
+                await self.service.open_bus("server", name, port)
+            for name, file in self.config.robots.items():
+                self.service.open_robot(name, file)
+        except BaseException:
             await self.service.close()
+            raise
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.service.close()

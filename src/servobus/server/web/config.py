@@ -2,6 +2,7 @@
 
 import ipaddress
 import json
+import re
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,8 @@ class WebConfig:
     certificate, key   files for TLS
     exposed       whether it may be reached from other computers without TLS and a password; pages show a warning
     read_only     whether nobody may move or change anything; stopping works
+    owner, owner_token   address of the process that owns the ports, and what lets this one in; without them the ports
+                  of `buses` are opened here
     buses         name -> port
     robots        name -> robot file, whose ports are buses of the same names
     recordings    folder of recordings
@@ -44,6 +47,8 @@ class WebConfig:
     key: Path | None = None
     exposed: bool = False
     read_only: bool = False
+    owner: tuple[str, int] | None = None
+    owner_token: str = field(default="", repr=False)
     buses: dict[str, str] = field(default_factory=dict)
     robots: dict[str, str] = field(default_factory=dict)
     recordings: Path | None = None
@@ -82,17 +87,27 @@ class WebConfig:
                 "password, or the flag `exposed`, which gives the servos to whoever reads along on the network"
             )
 
-    def authorities(self, port: int) -> frozenset[str]:
-        """Give what the header Host may say, where the server listens at this port."""
-        hosts = {"127.0.0.1", "localhost", "[::1]", *self.names}
-        if not self.loopback:
-            hosts.add(f"[{self.host}]" if ":" in self.host else self.host)
+    def goes_by(self, host: str, port: int) -> bool:
+        """Tell whether the header Host names this server, where it listens at this port.
+
+        Where it can be reached from other computers any address of digits will do: what a foreign page can make lead
+        here is a name of its own.
+        """
         usual = {"http": 80, "https": 443}[self.scheme]
-        return frozenset(
-            name.lower()
-            for host in hosts
-            for name in ((f"{host}:{port}", host) if port == usual else (f"{host}:{port}",))
-        )
+        name, _, number = host.rpartition(":") if re.search(r":\d+$", host) else (host, ":", f"{usual}")
+        if number != f"{port}":
+            return False
+        if name in {"127.0.0.1", "localhost", "[::1]", self.host, *(known.lower() for known in self.names)}:
+            return True
+        return not self.loopback and _is_address(name)
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name.removeprefix("[").removesuffix("]"))
+    except ValueError:
+        return False
+    return True
 
 
 _PATHS = ("tokens_file", "certificate", "key", "recordings", "audit")
@@ -115,6 +130,9 @@ def parse(line: str) -> WebConfig:
             values[name] = Path(str(values[name]))
     if "names" in values:
         values["names"] = tuple(map(str, values["names"]))
+    if values.get("owner") is not None:
+        host, port = values["owner"]
+        values["owner"] = str(host), int(port)
     config = WebConfig(**values)
     config.check()
     return config

@@ -1,4 +1,4 @@
-"""What goes to one client by itself: telemetry, of which the newest counts, and events, of which none is left out.
+"""What goes to one client: answers, telemetry, of which the newest counts, and events, of which none is left out.
 
 A client that reads slowly loses telemetry. One that does not take its events is given up, and told why; it can join
 again, and asks for what it missed.
@@ -12,8 +12,8 @@ from typing import Any
 
 from servobus.server.web.errors import TooMany
 
-MOST_EVENTS = 1000
-"""Events that wait for one client."""
+MOST_WAITING = 1000
+"""Events, and answers, that wait for one client."""
 MOST_FEEDS = 64
 """Clients that are served at once."""
 KEPT = 200
@@ -28,6 +28,7 @@ class Feed:
         self.full = ""
         self.lost = 0
         """Samples that were replaced by newer ones before the client took them."""
+        self._answers: deque[dict[str, Any]] = deque()
         self._events: deque[dict[str, Any]] = deque()
         self._newest: dict[str, dict[str, Any]] = {}
         """Bus -> its telemetry."""
@@ -35,15 +36,11 @@ class Feed:
 
     def tell(self, event: Mapping[str, Any]) -> None:
         """Have an event sent, in turn."""
-        if self.full:
-            return
-        if len(self._events) >= MOST_EVENTS:
-            self.full = f"{MOST_EVENTS} events wait for this client: it reads too slowly"
-            self._events.clear()
-            self._newest.clear()
-        else:
-            self._events.append(dict(event))
-        self._news.set()
+        self._put(self._events, dict(event))
+
+    def answer(self, message: dict[str, Any]) -> None:
+        """Have an answer sent: before the events that wait."""
+        self._put(self._answers, message)
 
     def sample(self, bus: str, values: Mapping[str, Any]) -> None:
         """Have telemetry sent: it replaces what waits."""
@@ -53,19 +50,27 @@ class Feed:
         self._newest[bus] = {"k": "telemetry", "bus": bus, **values, "lost": self.lost}
         self._news.set()
 
-    def wake(self) -> None:
-        """Have `next` look again."""
-        self._news.set()
-
     async def next(self) -> list[dict[str, Any]]:
-        """Wait for something to send: all events that wait, then the newest telemetry of each bus."""
-        while not (self._events or self._newest or self.full):
+        """Wait for something to send: answers and events that wait, then the newest telemetry of each bus."""
+        while not (self._answers or self._events or self._newest or self.full):
             self._news.clear()
             await self._news.wait()
-        messages = [*self._events, *self._newest.values()]
+        messages = [*self._answers, *self._events, *self._newest.values()]
+        self._clear()
+        return messages
+
+    def _put(self, queue: deque[dict[str, Any]], message: dict[str, Any]) -> None:
+        if not self.full and len(queue) >= MOST_WAITING:
+            self.full = f"{MOST_WAITING} messages wait for this client: it reads too slowly"
+            self._clear()
+        elif not self.full:
+            queue.append(message)
+        self._news.set()
+
+    def _clear(self) -> None:
+        self._answers.clear()
         self._events.clear()
         self._newest.clear()
-        return messages
 
 
 class Events:

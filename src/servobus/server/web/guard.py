@@ -16,8 +16,7 @@ The guard writes nothing to any log: addresses may hold the token of a link.
 import asyncio
 import json
 import secrets
-from collections.abc import Callable
-from http.cookies import CookieError, SimpleCookie
+from collections.abc import Callable, Iterator
 from typing import Any, TypeAlias
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -26,7 +25,7 @@ from servobus.server.web import entrance
 from servobus.server.web.auth import FRESH, Authority, Login, LoginRefused, Role
 from servobus.server.web.headers import protected, with_nonces
 from servobus.server.web.rates import Rates
-from servobus.server.web.rules import SMALL, Rule, rule_for
+from servobus.server.web.rules import SMALL, Rule, is_known, rule_for
 
 Headers: TypeAlias = dict[bytes, bytes]
 
@@ -53,7 +52,7 @@ class Refusal(Exception):
 class Guard:
     """An ASGI application around another one.
 
-    authorities   what the header Host may say
+    is_ours       tells whether the header Host names this server
     scheme        "http" or "https"
     cookie        name of the cookie; cookies do not tell ports apart, so it has the port in it
     local         whether only programs of this computer reach the server: then no login has to be a fresh one
@@ -65,13 +64,13 @@ class Guard:
         app: ASGIApp,
         authority: Authority,
         *,
-        authorities: Callable[[], frozenset[str]],
+        is_ours: Callable[[str], bool],
         scheme: str,
         cookie: str,
         local: bool = True,
         read_only: bool = False,
     ) -> None:
-        self._app, self._authority, self._authorities = app, authority, authorities
+        self._app, self._authority, self._is_ours = app, authority, is_ours
         self._scheme, self._cookie, self._local, self._read_only = scheme, cookie, local, read_only
         self._rates = Rates(authority)
 
@@ -135,7 +134,8 @@ class Guard:
         if rule is None:
             if login is None:
                 raise _no_login()
-            raise Refusal(404 if method in ("GET", "HEAD") else 405, "NotAllowed", f"{method} is not possible here")
+            status, kind = (405, "NotAllowed") if is_known(scope["path"]) else (404, "NotFound")
+            raise Refusal(status, kind, f"{method} is not possible here")
         if rule.role is None:
             return login, rule
         if login is None:
@@ -158,7 +158,7 @@ class Guard:
         """Give the value of the only header Host."""
         given = [value for name, value in scope["headers"] if name == b"host"]
         host = given[0].decode("latin-1").lower() if len(given) == 1 else ""
-        if host not in self._authorities():
+        if not self._is_ours(host):
             raise Refusal(421, "WrongHost", "this server does not go by that name", "use the address that it printed")
         return host
 
@@ -195,8 +195,8 @@ class Guard:
                         429, "TooMany", "too many wrong tokens", **{"retry-after": f"{error.wait:.0f}"}
                     ) from None
                 raise Refusal(401, "NoLogin", str(error), **_BEARER) from None
-        secret = _cookie(headers.get(b"cookie", b""), self._cookie)
-        return self._authority.by_cookie(secret) if secret else None
+        found = map(self._authority.by_cookie, _cookies(scope, self._cookie))
+        return next((login for login in found if login is not None), None)
 
     def _role(self, login: Login) -> Role:
         return Role.VIEWER if self._read_only else login.role
@@ -219,12 +219,14 @@ def _no_login() -> Refusal:
     return Refusal(401, "NoLogin", "nobody has logged in", remedy, **_BEARER)
 
 
-def _cookie(header: bytes, name: str) -> str:
-    try:
-        found = SimpleCookie(header.decode("latin-1")).get(name)
-    except CookieError:
-        return ""
-    return found.value if found is not None else ""
+def _cookies(scope: Scope, name: str) -> Iterator[str]:
+    """Give the values of a cookie: other programs of this computer can set one of the same name, and odd ones."""
+    for header, value in scope["headers"]:
+        if header == b"cookie":
+            for part in value.decode("latin-1").split(";"):
+                found, _, secret = part.strip().partition("=")
+                if found == name:
+                    yield secret
 
 
 # Bodies

@@ -4,6 +4,7 @@ As long as nobody asks for anything nothing is read.
 """
 
 import asyncio
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
@@ -18,6 +19,8 @@ from servobus.server.web.values import key_of
 
 SHORTEST, LONGEST = 0.01, 60.0
 """s between two samples."""
+AGAIN = 1.0
+"""s after which it is tried again where a sample has failed by a fault of this program."""
 MISSED = 3
 """Readings in a row without an answer after which a servo is said to be lost."""
 OVERVIEW = (
@@ -87,7 +90,11 @@ class Poller:
             now = loop.time()
             due = [one for one in self._subscriptions.values() if one.due <= now]
             if due:
-                await self._sample(due)
+                try:
+                    await self._sample(due)
+                except Exception:
+                    logging.getLogger("servobus").exception("%s: a sample has failed", self._name)
+                    await asyncio.sleep(AGAIN)
                 for one in due:
                     one.due = max(one.due + one.period, loop.time())
             self._changed.clear()

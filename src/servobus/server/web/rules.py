@@ -72,3 +72,8 @@ RULES = (
 def rule_for(method: str, path: str) -> Rule | None:
     """Give the rule for a request; None if nothing allows it."""
     return next((rule for rule in RULES if method in rule.methods and rule.path.fullmatch(path)), None)
+
+
+def is_known(path: str) -> bool:
+    """Tell whether there is a rule for a path at all."""
+    return any(rule.path.fullmatch(path) for rule in RULES)

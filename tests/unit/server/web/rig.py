@@ -10,10 +10,43 @@ from servobus.server.web.app import WebApplication
 from servobus.server.web.auth import Role
 from servobus.server.web.config import WebConfig
 
-SPEC = "virtual:rx28@1,2,drs0602@219,lx16a@3"
+REAL = "virtual:rx28@1,2,drs0602@219,lx16a@3"
+SPEC = f"{REAL}?clock=virtual"
+"""The same servos by the clock of the computer, and by one on which nobody waits."""
 BASE = "http://127.0.0.1:7380"
 START, LOCAL = "start-token-of-the-test", "local-token-of-the-test"
 KEYS = ("dynamixel:1@57600", "dynamixel:2@57600", "herkulex:219@115200", "lewansoul:3@115200")
+
+ROBOT = """
+[robot]
+format = 1
+name = "arm"
+
+[port.bench]
+path = "virtual:rx28@1,2"
+
+[joint.shoulder]
+port = "bench"
+model = "rx28"
+id = 1
+zero = "150deg"
+limits = ["-60deg", "60deg"]
+
+[joint.shoulder.registers]
+max_torque = "50%"
+led = true
+
+[joint.elbow]
+port = "bench"
+model = "rx28"
+id = 2
+zero = "150deg"
+
+[pose.home]
+shoulder = "10deg"
+elbow = "20deg"
+"""
+"""A robot whose port is the bus of the rig."""
 
 
 class Rig:
@@ -36,7 +69,7 @@ async def rig(**changes: Any) -> AsyncIterator[Rig]:
     """Open an application on virtual servos; `changes` are those of its configuration."""
     config = WebConfig(**{"start_token": START, "local_token": LOCAL, "buses": {"bench": SPEC}, **changes})
     made = Rig(config)
-    async with made.web.api.router.lifespan_context(made.web.api):
+    async with made.web:
         if "bench" in made.service.buses:
             bus = made.service.bus("bench").bus
             for key in KEYS:

@@ -28,7 +28,7 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter
 from pydantic import Field, TypeAdapter, ValidationError
-from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
+from starlette.websockets import WebSocket
 
 from servobus.errors import ServobusError
 from servobus.server.web.api.answers import Context, role_of
@@ -104,7 +104,6 @@ class _Client:
         self.feed = Feed(login.name)
         self.holder: Holder = self._service.holder(login.name)
         self._bucket = Bucket(MESSAGES)
-        self._answers: list[dict[str, Any]] = []
         self._stops: set[asyncio.Task[None]] = set()
 
     def welcome(self) -> dict[str, Any]:
@@ -119,9 +118,13 @@ class _Client:
     async def listen(self) -> None:
         """Take messages until the client goes away."""
         while True:
-            text = await self._socket.receive_text()
-            if self._bucket.take():
-                await self._socket.close(POLICY, f"more than {MESSAGES:g} messages a second")
+            message = await self._socket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            text = message.get("text")
+            if text is None or self._bucket.take():
+                why = "messages are texts" if text is None else f"more than {MESSAGES:g} messages a second"
+                await self._close(POLICY, why)
                 return
             await self._take(text)
 
@@ -130,15 +133,15 @@ class _Client:
         while True:
             messages = await self.feed.next()
             if self.feed.full:
-                await self._socket.close(AGAIN, self.feed.full)
+                await self._close(AGAIN, self.feed.full)
                 return
-            for message in [*self._answers, *messages]:
-                await self._send(message)
-            self._answers.clear()
+            for message in messages:
+                async with asyncio.timeout(PATIENCE):
+                    await self._socket.send_text(json.dumps(message, allow_nan=False, separators=(",", ":")))
 
-    async def _send(self, message: dict[str, Any]) -> None:
+    async def _close(self, code: int, why: str) -> None:
         async with asyncio.timeout(PATIENCE):
-            await self._socket.send_text(json.dumps(message, allow_nan=False, separators=(",", ":")))
+            await self._socket.close(code, why)
 
     async def _take(self, text: str) -> None:
         number: Any = None
@@ -168,7 +171,7 @@ class _Client:
             self._answer(asked.n, error_entry(error))
         else:
             if asked.n is not None or result is not None:
-                self._tell({"k": "ok", "n": asked.n, **(result or {})})
+                self.feed.answer({"k": "ok", "n": asked.n, **(result or {})})
 
     async def _do(self, asked: Any) -> dict[str, Any] | None:
         match asked:
@@ -200,14 +203,7 @@ class _Client:
             raise RoleTooLow(f"this needs the role operator, and {self._login.name} is {self._role} here")
 
     def _answer(self, number: Any, error: dict[str, Any]) -> None:
-        self._tell({"k": "error", "n": number if isinstance(number, int) else None, "error": error})
-
-    def _tell(self, message: dict[str, Any]) -> None:
-        """Have an answer sent: answers wait like events, and before them."""
-        self._answers.append(message)
-        if len(self._answers) > MESSAGES:
-            self.feed.full = "too many answers wait for this client: it reads too slowly"
-        self.feed.wake()
+        self.feed.answer({"k": "error", "n": number if isinstance(number, int) else None, "error": error})
 
     async def gone(self) -> None:
         """Stop what this client drives, and forget it."""
@@ -242,10 +238,5 @@ async def live(socket: WebSocket) -> None:
         for task in tasks:
             task.cancel()
         for task in tasks:
-            with contextlib.suppress(
-                asyncio.CancelledError, WebSocketDisconnect, TimeoutError, RuntimeError, OSError, KeyError
-            ):
-                await task
-        if socket.client_state is WebSocketState.CONNECTED and socket.application_state is WebSocketState.CONNECTED:
-            with contextlib.suppress(RuntimeError, OSError):
-                await socket.close(AGAIN, "the connection took nothing any more")
+            with contextlib.suppress(asyncio.CancelledError, TimeoutError, RuntimeError, OSError):
+                await task  # it could not send any more
