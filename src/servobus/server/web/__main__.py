@@ -8,7 +8,9 @@ variable of the environment. It says on its standard output where it listens, on
 import asyncio
 import contextlib
 import gc
+import importlib.util
 import json
+import logging
 import os
 import socket
 import sys
@@ -27,6 +29,7 @@ SLOW_END = 3
 
 
 def main() -> int:
+    gc.disable()  # until everything is imported
     try:
         config = parse(sys.stdin.readline())
         serve(config)
@@ -46,6 +49,10 @@ def serve(config: WebConfig, *, until: Callable[[Callable[[], None]], None] | No
     except ImportError as error:
         raise UsageError(f"{error.name} is not installed: install servobus[server]") from None
     application = WebApplication(config)
+    if importlib.util.find_spec("nicegui") is not None:  # the extra `server` alone has the API and no pages
+        from servobus.server.web.page import mount  # noqa: PLC0415
+
+        mount(application)
     application.listens(listener.getsockname()[1])
     server = uvicorn.Server(server_settings(application))
     asyncio.run(_run(server, listener, application, until or _parent_ended))
@@ -56,6 +63,8 @@ def server_settings(application: Any) -> Any:
     import uvicorn  # noqa: PLC0415
 
     config: WebConfig = application.config
+    # A socket that is refused with a status is to uvicorn one that nobody has answered.
+    logging.getLogger("uvicorn.error").addFilter(_said_of_refusals)
     return uvicorn.Config(
         application.asgi,
         loop="none",
@@ -79,6 +88,10 @@ def server_settings(application: Any) -> Any:
     )
 
 
+def _said_of_refusals(record: logging.LogRecord) -> bool:
+    return "without completing handshake" not in record.getMessage()
+
+
 async def _run(
     server: Any, listener: socket.socket, application: Any, until: Callable[[Callable[[], None]], None]
 ) -> None:
@@ -99,6 +112,7 @@ async def _run(
             gc.collect()
             gc.freeze()
             gc.set_threshold(*COLLECT)
+            gc.enable()
             say({"ready": application.context.base})
         await ended
 

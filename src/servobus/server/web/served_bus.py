@@ -12,19 +12,21 @@ from functools import partial
 from typing import Any, TypeVar
 
 from servobus.bus.asyncio import AsyncBus, AsyncBusServo
-from servobus.core.present import si_entry, si_register_entry, si_value
-from servobus.core.registers import Register
-from servobus.errors import BadReading, BadValue, PortError, PortLost, ServobusError, Stopped, UsageError
+from servobus.core.present import si_entry, si_register_entry
+from servobus.core.registers import Motion, Register
+from servobus.errors import BadValue, PortError, PortLost, ServobusError, Stopped, UsageError
 from servobus.families.base import Answers, StopOutcome
 from servobus.families.present import servo_entry
 from servobus.jobs.backup import Backup, compare
-from servobus.jobs.look import Snapshot, read_table
+from servobus.jobs.look import read_table
 from servobus.server.web.audit import Audit
+from servobus.server.web.entries import alarm_names, change_entry, latched_names, snapshot_entry, texts_of
 from servobus.server.web.feeds import Events, Feed
 from servobus.server.web.holders import Holder
 from servobus.server.web.jobs import Jobs, ServerJob
+from servobus.server.web.owner_link import OwnerLink
 from servobus.server.web.poller import LONGEST, OVERVIEW, SHORTEST, Poller, Rows
-from servobus.server.web.values import key_of, raw_value, servo_of
+from servobus.server.web.values import decoded, key_of, optional_row, raws_of, readable_row, servo_of
 
 T = TypeVar("T")
 
@@ -50,9 +52,20 @@ class ServedBus:
     stopped_by  who stopped it last, until somebody resumes; "" if nobody
     """
 
-    def __init__(self, name: str, port: str, bus: AsyncBus, *, events: Events, jobs: Jobs, audit: Audit) -> None:
+    def __init__(
+        self,
+        name: str,
+        port: str,
+        bus: AsyncBus,
+        *,
+        events: Events,
+        jobs: Jobs,
+        audit: Audit,
+        owner: OwnerLink | None = None,
+    ) -> None:
         self.name, self.port, self.bus = name, port, bus
         self.events, self.jobs, self.audit = events, jobs, audit
+        self._owner = owner
         self.gone = ""
         self.stopped_by = ""
         self._stopped_at = -math.inf
@@ -94,8 +107,8 @@ class ServedBus:
             **servo_entry(servo.family, servo.model, servo.id, servo.baud, servo.firmware),
             "title": servo.model.title,
             "state": None if servo.state is None else snapshot_entry(servo.state),
-            "alarms": _alarms(servo),
-            "latched": servo._flags_text(servo.latched).split("+") if servo.latched else [],
+            "alarms": alarm_names(servo),
+            "latched": latched_names(servo),
             "lost": self._poller.lost(servo),
             "driven": servo.permit.driven,
             "restarted": servo.restarted,
@@ -143,16 +156,16 @@ class ServedBus:
     async def read(self, key: str, names: Sequence[str], *, stored: bool = False) -> dict[str, Any]:
         """Read registers: name -> value. `stored` gives what survives power-off."""
         servo = self.servo(key)
-        rows = {name: _row(servo, name) for name in names}
+        rows = {name: readable_row(servo, name) for name in names}
         raws = await self._read(servo, list(dict.fromkeys(rows.values())), stored=stored)
         return {name: si_entry(row, raws[row]) for name, row in rows.items()}
 
     async def preview(self, key: str, values: Mapping[str, Any], *, save: bool) -> dict[str, Any]:
         """Say what a write would change, and how many values of it would go to the EEPROM. Writes nothing."""
         servo = self.servo(key)
-        raws, names = _raws(servo, values)
+        raws, names = raws_of(servo, values)
         old = await self._read(servo, list(raws), stored=save)
-        changes = {names[row]: _change(row, old[row], raw) for row, raw in raws.items()}
+        changes = {names[row]: change_entry(row, old[row], raw) for row, raw in raws.items()}
         worn = [row for row, raw in raws.items() if servo.family.wears(row, keep=save) and old[row] != raw]
         return {"changes": changes, "eeprom_writes": len(worn)}
 
@@ -162,19 +175,20 @@ class ServedBus:
         With `save` the values survive power-off. Raises BadValue, before anything is written, if one cannot be.
         """
         servo = self.servo(key)
-        raws, names = _raws(servo, values)
+        raws, names = raws_of(servo, values)
         torque = servo.model.register("torque_enable")
         if any(row.motion is not None or (row is torque and raw) for row, raw in raws.items()):
             self.begin(actor, [servo])
+        await self._check_watched(actor, servo, raws)
         told = servo.target.answers is not Answers.NOTHING
         old = await self._read(servo, list(raws), stored=save) if told else {}
         try:
             if save:
-                await self._asked(servo.store({row: _value(row, raw) for row, raw in raws.items()}))
+                await self._asked(servo.store({row: decoded(row, raw) for row, raw in raws.items()}))
             else:
                 await self._asked(servo.write_raw(raws))
         except Exception as error:
-            self.audit.note(actor.name, "write", self.name, key_of(servo), _told(raws), str(error))
+            self.audit.note(actor.name, "write", self.name, key_of(servo), texts_of(raws), str(error))
             raise
         told = servo.target.answers is not Answers.NOTHING  # this may have been written
         new = await self._read(servo, list(raws), stored=save) if told else {}
@@ -182,7 +196,7 @@ class ServedBus:
         for row, raw in raws.items():
             now = new.get(row)
             changes[names[row]] = {
-                **_change(row, old.get(row), raw if now is None else now),
+                **change_entry(row, old.get(row), raw if now is None else now),
                 "taken": None if now is None else row.took(raw, now),
             }
         refused = [name for name, one in changes.items() if one["taken"] is False]
@@ -241,10 +255,7 @@ class ServedBus:
         """Turn without end. Only for a client that is watched: nothing else would ever stop it."""
         servo = self.servo(key)
         if actor.holder is None:
-            raise UsageError(
-                f"{servo.target}: endless turn needs a client that is watched: open /api/v1/live, send `hold`, and "
-                "name that connection in the header Servobus-Connection"
-            )
+            raise _unwatched(servo)
         self.begin(actor, [servo])
         await self._asked(servo.turn(**how))
         self._changed(actor, "turn", servo, {name: value for name, value in how.items() if value is not None})
@@ -277,11 +288,14 @@ class ServedBus:
         their turn.
         """
         servos = self.servos(keys)
-        self.stopped_by, self._stopped_at = actor.name, asyncio.get_running_loop().time()
-        self.jobs.break_off(self.name)
+        self.latch(actor)
         said = [key_of(servo) for servo in servos]
         try:
-            outcomes = await self._stop(servos)
+            if self._owner is not None:
+                await self._owner.stop(self.name, () if keys is None else said)
+                outcomes: Mapping[Any, Any] = dict.fromkeys(servos, "stopped")
+            else:
+                outcomes = await self._stop(servos)
         except Exception as error:
             self.audit.note(actor.name, "stop", self.name, ", ".join(said), {}, str(error))
             self.events.tell("stopped", bus=self.name, by=actor.name, servos=said, failed=str(error))
@@ -289,6 +303,22 @@ class ServedBus:
         self.audit.note(actor.name, "stop", self.name, ", ".join(said), {})
         self.events.tell("stopped", bus=self.name, by=actor.name, servos=said, failed=None)
         return {key_of(servo): str(outcome) for servo, outcome in outcomes.items()}
+
+    def latch(self, actor: Actor) -> None:
+        """Let nothing be moved from here any more, and break off what is under way."""
+        self.stopped_by, self._stopped_at = actor.name, asyncio.get_running_loop().time()
+        self.jobs.break_off(self.name)
+
+    def follow(self, what: str, data: Mapping[str, Any]) -> None:
+        """Take note of what the owner of the ports tells of this bus."""
+        if what == "stopped" and data.get("servos") is None:
+            self.stopped_by, self._stopped_at = str(data.get("by", "")), asyncio.get_running_loop().time()
+        elif what == "resumed":
+            self.stopped_by, self._stopped_at = "", -math.inf
+        elif what == "gone":
+            self.gone = str(data.get("why", "gone"))
+        elif what == "back":
+            self.gone = ""
 
     async def stop_driven(self, keys: Iterable[str], why: str) -> None:
         """Stop what somebody drove who is not there any more; what others drive goes on."""
@@ -303,8 +333,10 @@ class ServedBus:
         self.audit.note("server", "deadman", self.name, ", ".join(said), {"why": why}, failed or "done")
         self.events.tell("deadman", bus=self.name, servos=said, why=why, failed=failed)
 
-    def resume(self, actor: Actor) -> None:
+    async def resume(self, actor: Actor) -> None:
         """Let servos be moved again after a stop, once WINDOW is over. Moves nothing."""
+        if self._owner is not None:
+            await self._owner.resume(self.name)
         if self.stopped_by:
             self.stopped_by = ""
             self.audit.note(actor.name, "resume", self.name, "", {})
@@ -327,6 +359,15 @@ class ServedBus:
             actor.holder.check()
             actor.holder.driven |= {(self.name, key_of(servo)) for servo in servos}
 
+    async def _check_watched(self, actor: Actor, servo: AsyncBusServo, raws: Mapping[Register[Any], int]) -> None:
+        """Raise UsageError for a write that makes a servo turn without end, where nobody is watched meanwhile."""
+        going = {row.motion for row, raw in raws.items() if raw}
+        if actor.holder is not None or going.isdisjoint({Motion.MODE, Motion.SPEED}):
+            return
+        status = await self._asked(self.bus.do(servo.family.motion_status(servo.target), servo.baud))
+        if Motion.MODE in going or status.turning:
+            raise _unwatched(servo)
+
     # Settings that stay
 
     async def backup(self, key: str) -> dict[str, Any]:
@@ -345,7 +386,7 @@ class ServedBus:
         servo = self.servo(key)
         found = await self._asked(self.bus.do(compare(servo.target, Backup.parse(text)), servo.baud))
         return {
-            "changes": {row.name: _change(row, found.present[row], raw) for row, raw in found.changes.items()},
+            "changes": {row.name: change_entry(row, found.present[row], raw) for row, raw in found.changes.items()},
             "impossible": {row.name: why for row, why in found.impossible.items()},
             "eeprom_writes": len(found.changes),
             "torque": found.driven,
@@ -390,7 +431,9 @@ class ServedBus:
         if wanted is None:
             self._poller.subscribe(feed, self._overview, period)
             return
-        rows = {self.servo(key): [_row(self.servo(key), name) for name in names] for key, names in wanted.items()}
+        rows = {
+            self.servo(key): [readable_row(self.servo(key), name) for name in names] for key, names in wanted.items()
+        }
         self._poller.subscribe(feed, lambda: {servo: some for servo, some in rows.items() if servo in self.bus}, period)
 
     def unsubscribe(self, feed: Feed) -> None:
@@ -398,7 +441,7 @@ class ServedBus:
 
     def _overview(self) -> Mapping[AsyncBusServo, Rows]:
         return {
-            servo: [row for name in OVERVIEW if (row := _optional(servo, name)) is not None and row.readable]
+            servo: [row for name in OVERVIEW if (row := optional_row(servo, name)) is not None and row.readable]
             for servo in self.bus
         }
 
@@ -437,7 +480,7 @@ class ServedBus:
         self.events.tell("changed", bus=self.name, by=actor.name, servo=key_of(servo), now=key_of(servo), change=what)
 
     def _tell_servo(self, what: str, servo: AsyncBusServo) -> None:
-        self.events.tell(what, bus=self.name, servo=key_of(servo), alarms=_alarms(servo))
+        self.events.tell(what, bus=self.name, servo=key_of(servo), alarms=alarm_names(servo))
 
     def _port_failed(self, error: PortError) -> None:
         """Say that the port has gone, and try to open it again until it is back."""
@@ -460,65 +503,8 @@ class ServedBus:
             self.events.tell("port back", bus=self.name)
 
 
-def snapshot_entry(state: Snapshot) -> dict[str, Any]:
-    """Give what was seen of a servo, in SI units; None where a unit is not known."""
-    return {
-        "position": _known(state.position),
-        "voltage": _known(state.voltage),
-        "temperature": _known(state.temperature),
-        "torque": state.torque,
-        "shutdown": state.shutdown or None,
-        "text": str(state),
-    }
-
-
-def _known(value: float) -> float | None:
-    return None if math.isnan(value) else value
-
-
-def _alarms(servo: AsyncBusServo) -> list[str]:
-    return servo.alarm_text().split("+") if servo.alarms else []
-
-
-def _optional(servo: AsyncBusServo, name: str) -> Register[Any] | None:
-    """Give a register by its name or alias, None where the model has none of it."""
-    return servo.model.registers.get(servo.model.aliases.get(name, name))
-
-
-def _row(servo: AsyncBusServo, name: str) -> Register[Any]:
-    row = servo.model.register(name)
-    if not row.readable:
-        raise UsageError(f"{row.model} {row.name} is reserved: it cannot be read")
-    return row
-
-
-def _raws(servo: AsyncBusServo, values: Mapping[str, Any]) -> tuple[dict[Register[Any], int], dict[Register[Any], str]]:
-    """Give what is to be written, raw, and by which names it was asked for. Raises BadValue, UnknownName."""
-    if not values:
-        raise BadValue("a write of no registers: name at least one")
-    names = {servo.model.register(name): name for name in values}
-    if len(names) != len(values):
-        raise BadValue("a register is named twice, once by an alias")
-    servo._no_identity(names)
-    return {row: raw_value(row, values[name]) for row, name in names.items()}, names
-
-
-def _value(row: Register[Any], raw: int) -> Any:
-    try:
-        return row.decode(raw)
-    except BadReading as error:
-        raise BadValue(str(error)) from None
-
-
-def _change(row: Register[Any], old: int | None, new: int) -> dict[str, Any]:
-    """Give what a value was and what it becomes, in the SI unit and for people."""
-    return {
-        "old": None if old is None else si_value(row, old),
-        "new": si_value(row, new),
-        "unit": row.unit,
-        "text": f"{'?' if old is None else row.said(old)} -> {row.said(new)}",
-    }
-
-
-def _told(raws: Mapping[Register[Any], int]) -> dict[str, Any]:
-    return {row.name: row.said(raw) for row, raw in raws.items()}
+def _unwatched(servo: AsyncBusServo) -> UsageError:
+    return UsageError(
+        f"{servo.target}: endless turn needs a client that is watched: open /api/v1/live, send `hold`, and name that "
+        "connection in the header Servobus-Connection"
+    )

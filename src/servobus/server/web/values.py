@@ -6,7 +6,7 @@ from typing import Any
 from servobus.bus.asyncio import AsyncBus, AsyncBusServo
 from servobus.core.registers import Register
 from servobus.core.units import Flags, Switch
-from servobus.errors import BadValue, UnknownName
+from servobus.errors import BadReading, BadValue, UnknownName, UsageError
 
 MOST_TEXT = 200
 """Characters of a value that is given as a text."""
@@ -49,3 +49,40 @@ def raw_value(row: Register[Any], value: Any) -> int:
     if isinstance(value, bool) and not isinstance(row.scale, Switch):
         raise BadValue(f"{row.model} {row.name}: true and false are values of switches alone")
     return row.encode(value)
+
+
+def raws_of(
+    servo: AsyncBusServo, values: Mapping[str, Any]
+) -> tuple[dict[Register[Any], int], dict[Register[Any], str]]:
+    """Give what is to be written, raw, and by which names it was asked for. Raises BadValue, UnknownName.
+
+    What would lose the servo, its id and its speed, is a UsageError.
+    """
+    if not values:
+        raise BadValue("a write of no registers: name at least one")
+    names = {servo.model.register(name): name for name in values}
+    if len(names) != len(values):
+        raise BadValue("a register is named twice, once by an alias")
+    servo._no_identity(names)
+    return {row: raw_value(row, values[name]) for row, name in names.items()}, names
+
+
+def decoded(row: Register[Any], raw: int) -> Any:
+    """Give the value of a raw integer that is to be written. Raises BadValue for a code without a meaning."""
+    try:
+        return row.decode(raw)
+    except BadReading as error:
+        raise BadValue(str(error)) from None
+
+
+def optional_row(servo: AsyncBusServo, name: str) -> Register[Any] | None:
+    """Give a register by its name or alias; None where the model has none of it."""
+    return servo.model.registers.get(servo.model.aliases.get(name, name))
+
+
+def readable_row(servo: AsyncBusServo, name: str) -> Register[Any]:
+    """Give a register by its name or alias. Raises UnknownName, and UsageError for one that cannot be read."""
+    row = servo.model.register(name)
+    if not row.readable:
+        raise UsageError(f"{row.model} {row.name} is reserved: it cannot be read")
+    return row

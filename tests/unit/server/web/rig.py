@@ -17,6 +17,37 @@ BASE = "http://127.0.0.1:7380"
 START, LOCAL = "start-token-of-the-test", "local-token-of-the-test"
 KEYS = ("dynamixel:1@57600", "dynamixel:2@57600", "herkulex:219@115200", "lewansoul:3@115200")
 
+ROBOT = """
+[robot]
+format = 1
+name = "arm"
+
+[port.bench]
+path = "virtual:rx28@1,2"
+
+[joint.shoulder]
+port = "bench"
+model = "rx28"
+id = 1
+zero = "150deg"
+limits = ["-60deg", "60deg"]
+
+[joint.shoulder.registers]
+max_torque = "50%"
+led = true
+
+[joint.elbow]
+port = "bench"
+model = "rx28"
+id = 2
+zero = "150deg"
+
+[pose.home]
+shoulder = "10deg"
+elbow = "20deg"
+"""
+"""A robot whose port is the bus of the rig."""
+
 
 class Rig:
     """An application that is open, with its servos attached."""

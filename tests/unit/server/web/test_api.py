@@ -14,7 +14,7 @@ pytest.importorskip("fastapi", reason="the web process needs fastapi: servobus[s
 from servobus.errors import NoReply
 from servobus.families import registry
 from servobus.server.web.auth import Role
-from unit.server.web.rig import KEYS, error_of, rig
+from unit.server.web.rig import KEYS, ROBOT, error_of, rig
 
 RX, RX2, DRS, LX = KEYS
 BENCH = "/api/v1/buses/bench"
@@ -182,6 +182,11 @@ def test_endless_turn_is_for_those_who_are_watched() -> None:
             answer = await client.post(path, json={"output": 0.5})
             assert answer.status_code == 409
             assert "watched" in error_of(answer)["message"]
+            rows = {"mode": {"raw": 1}, "motor_speed": {"raw": 500}}
+            await client.post(f"{BENCH}/torque", json={"on": False})
+            for values in (rows, {"mode": "motor"}):
+                written = await client.post(f"{BENCH}/servos/{LX}/values", json={"values": values})
+                assert (written.status_code, "watched" in error_of(written)["message"]) == (409, True)
             unknown = await client.post(path, json={"output": 0.5}, headers={"servobus-connection": "x"})
             assert unknown.status_code == 404
 
@@ -269,8 +274,11 @@ def test_jobs_can_be_broken_off_and_are_bounded() -> None:
 
             job = made.service.jobs.start("scan", "bench", "x", never)
             assert (await client.delete(f"/api/v1/jobs/{job.id}")).json()["state"] == "cancelled"
-            for _ in range(16):
-                made.service.jobs.start("scan", "bench", "x", never)
+            for _ in range(15):
+                made.service.jobs.start("move", "bench", "x", never)
+            made.service.jobs.start("doctor", "bench", "x", never)
+            twice = await client.post(f"{BENCH}/doctor", json={})
+            assert (twice.status_code, "running already" in error_of(twice)["message"]) == (409, True)
             refused = await client.post(f"{BENCH}/scan", json={"ids": [1]})
             assert (refused.status_code, error_of(refused)["type"]) == (429, "TooMany")
             await client.post(f"{BENCH}/stop")  # a stop breaks them off
@@ -321,37 +329,6 @@ def test_the_audit_log_lasts_in_a_file(tmp_path: Path) -> None:
         assert (led["who"], led["servo"], led["result"]) == ("operator of the test", RX, "done")
 
     asyncio.run(main())
-
-
-ROBOT = """
-[robot]
-format = 1
-name = "arm"
-
-[port.bench]
-path = "virtual:rx28@1,2"
-
-[joint.shoulder]
-port = "bench"
-model = "rx28"
-id = 1
-zero = "150deg"
-limits = ["-60deg", "60deg"]
-
-[joint.shoulder.registers]
-max_torque = "50%"
-led = true
-
-[joint.elbow]
-port = "bench"
-model = "rx28"
-id = 2
-zero = "150deg"
-
-[pose.home]
-shoulder = "10deg"
-elbow = "20deg"
-"""
 
 
 def test_a_robot_is_read_set_up_and_moved_by_its_joints(tmp_path: Path) -> None:
