@@ -63,7 +63,7 @@ class Workbench:
 
     async def read(self) -> bool:
         """Read the whole table; tells whether that went well. Edits stay."""
-        table = await self.context.attempt(self.bus.table(self.key))
+        table = await self.context.attempt(self.bus.held(self.key))
         if table is None:
             return False
         self.lacking = {row.name for row, held in table.items() if held.now is None}
