@@ -107,6 +107,7 @@ def show(server: Server, chromium: Any, logged_in: Path) -> Iterator[Callable[..
     """Give what opens a page; nothing from elsewhere may be asked for, and no error may stand in its console."""
     contexts: list[Any] = []
     wrong: list[str] = []
+    note = wrong.append
 
     def open_page(path: str, *, width: int = 1280) -> Any:
         context = chromium.new_context(
@@ -115,9 +116,9 @@ def show(server: Server, chromium: Any, logged_in: Path) -> Iterator[Callable[..
         contexts.append(context)
         page = context.new_page()
         page.set_default_timeout(PATIENCE)
-        page.on("pageerror", lambda error: wrong.append(f"script: {error}"))
-        page.on("console", lambda said: said.type == "error" and wrong.append(f"console: {said.text}"))
-        page.on("request", lambda asked: _own(asked.url, server.url) or wrong.append(f"elsewhere: {asked.url}"))
+        page.on("pageerror", lambda error: note(f"script: {error}"))
+        page.on("console", lambda said: note(f"console: {said.text}") if said.type == "error" else None)
+        page.on("request", lambda asked: None if _own(asked.url, server.url) else note(f"elsewhere: {asked.url}"))
         page.goto(server.url + path)
         return page
 
