@@ -24,7 +24,7 @@ from servobus.server.web.entries import alarm_names, change_entry, latched_names
 from servobus.server.web.feeds import Events, Feed
 from servobus.server.web.holders import Holder
 from servobus.server.web.jobs import Jobs, ServerJob
-from servobus.server.web.owner_link import OwnerLink
+from servobus.server.web.owner_link import SESSION, OwnerLink
 from servobus.server.web.poller import LONGEST, OVERVIEW, SHORTEST, Poller, Rows
 from servobus.server.web.values import decoded, key_of, optional_row, raws_of, readable_row, servo_of
 
@@ -312,7 +312,10 @@ class ServedBus:
     def follow(self, what: str, data: Mapping[str, Any]) -> None:
         """Take note of what the owner of the ports tells of this bus."""
         if what == "stopped" and data.get("servos") is None:
-            self.stopped_by, self._stopped_at = str(data.get("by", "")), asyncio.get_running_loop().time()
+            by = str(data.get("by", ""))
+            if by != SESSION or not self.stopped_by:  # of a stop from here it is known which person asked for it
+                self.stopped_by = by
+            self._stopped_at = asyncio.get_running_loop().time()
         elif what == "resumed":
             self.stopped_by, self._stopped_at = "", -math.inf
         elif what == "gone":
