@@ -83,12 +83,12 @@ def test_another_id(server: Server, show: Callable[..., Any]) -> None:
     page.locator("input[data-do=id]").fill("7")
     page.locator("[data-do=identity]").click()
     page.get_by_role("button", name="Change", exact=True).click()
-    page.get_by_text("RX-28, id 7").first.wait_for()
+    page.get_by_text("RX-28 7").first.wait_for()
     assert server.value("dynamixel:7@57600", "id")["raw"] == 7
     page.locator("input[data-do=id]").fill("2")
     page.locator("[data-do=identity]").click()
     page.get_by_role("button", name="Change", exact=True).click()
-    page.get_by_text("RX-28, id 2").first.wait_for()
+    page.get_by_text("RX-28 2").first.wait_for()
 
 
 def test_a_new_zero_without_turning_the_shaft(server: Server, show: Callable[..., Any]) -> None:
@@ -117,7 +117,7 @@ def test_backup_restore_and_copy(server: Server, show: Callable[..., Any], tmp_p
     page.get_by_text("1 setting written and read back").wait_for()
     assert server.value("dynamixel:3@57600", "highest_limit_temperature")["raw"] == 65
     page.locator("[data-do=copy-to]").click()
-    page.get_by_role("option", name="RX-28, id 1").click()
+    page.get_by_role("option", name="RX-28 1").click()
     page.locator("[data-do=copy]").click()
     page.get_by_role("button", name="Write", exact=True).click()
     page.get_by_text("1 setting written and read back").last.wait_for()

@@ -14,7 +14,7 @@ MOST_TEXT = 200
 
 
 @frozen
-class Held:
+class Content:
     """What a servo has in one register, raw.
 
     now     what acts; None if this servo lacks the register

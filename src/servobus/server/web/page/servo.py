@@ -8,6 +8,7 @@ from servobus.core.registers import Area
 from servobus.errors import ServobusError
 from servobus.server.web.page.context import PageContext
 from servobus.server.web.page.parts.empty import empty
+from servobus.server.web.page.parts.names import titles
 from servobus.server.web.page.setup.care import Care
 from servobus.server.web.page.setup.conditions_view import Conditions
 from servobus.server.web.page.setup.registers import Registers
@@ -61,7 +62,7 @@ class ServoPage:
                 ui.button("Try again", on_click=self._again).props("unelevated no-caps")
             return
         with body:
-            self._tabs()
+            self._build_tabs()
             EditBar(self._bench)
         self._listen()
 
@@ -71,13 +72,15 @@ class ServoPage:
         bench = self._bench
         entry = self._bus.servo_entry(self._bus.servo(bench.key))
         with ui.element("div").classes("sb-card sb-servo-head"):
-            names = {servo["key"]: self._name(servo) for servo in self._servos}
+            named = titles(self._context.service)
+            names = {servo["key"]: named[self._bus.name, servo["key"]] for servo in self._servos}
             chooser = ui.select(
                 names, value=bench.key, with_input=len(names) > 8, on_change=lambda event: self._turn(event.value)
             )
             chooser.props('outlined dense options-dense aria-label="Servo"').classes("sb-servo-choose")
             with ui.element("div").classes("sb-servo-facts sb-value"):
-                ui.label(f"{bench.model.family.title}").classes("sb-muted")
+                ui.label(f"{bench.model.title}, id {bench.id}").classes("sb-muted")
+                ui.label(bench.model.family.title).classes("sb-muted")
                 ui.label(f"{bench.baud:,} baud".replace(",", " ")).classes("sb-muted")
                 if bench.firmware:
                     ui.label(f"firmware {bench.firmware}").classes("sb-muted")
@@ -95,9 +98,6 @@ class ServoPage:
             with again:
                 ui.tooltip("Read all registers again")
 
-    def _name(self, servo: dict[str, Any]) -> str:
-        return f"{servo['title']}, id {servo['id']}"
-
     def _turn(self, key: str | None) -> None:
         if key is not None and key != self._bench.key:
             self._context.go("servo", bus=self._bus.name, servo=key, tab=self._tab)
@@ -111,13 +111,13 @@ class ServoPage:
 
     # The tabs
 
-    def _tabs(self) -> None:
-        with ui.tabs(on_change=lambda event: self._show(event.value)) as tabs:
+    def _build_tabs(self) -> None:
+        with ui.tabs(on_change=lambda event: self._show(event.value)) as self._tabs:
             for name, title in TABS.items():
                 ui.tab(name, title)
-        tabs.props("no-caps align=left inline-label dense").classes("sb-tabs")
+        self._tabs.props("no-caps align=left inline-label dense").classes("sb-tabs")
         self._panels = {name: ui.element("div").classes("sb-panel") for name in TABS}
-        tabs.set_value(self._tab if self._tab in TABS else "registers")
+        self._tabs.set_value(self._tab if self._tab in TABS else "registers")
 
     def _show(self, name: str) -> None:
         """Show a tab; it is built when it is shown for the first time."""
@@ -125,7 +125,7 @@ class ServoPage:
         if name not in self._parts:
             with self._panels[name]:
                 if name == "registers":
-                    self._parts[name] = Registers(self._bench)
+                    self._parts[name] = Registers(self._bench, lambda: self._tabs.set_value("care"))
                 elif name == "conditions":
                     self._parts[name] = Conditions(self._bench)
                 else:
@@ -157,7 +157,8 @@ class ServoPage:
             return
         model = self._bench.model
         place = model.register("present_position")
-        self._position.set_text(place.show(values[place.name]))
+        if values[place.name] is not None:
+            self._position.set_text(place.show(values[place.name]))
         torque = model.register("torque_enable")
         on = values[torque.name] in (True, "on")
         self._torque.set_text("Torque on" if on else "Torque off")

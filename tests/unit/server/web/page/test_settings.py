@@ -12,15 +12,15 @@ from servobus.families.model import Model
 from servobus.server.web.page.settings import conditions, gauges, zero
 from servobus.server.web.page.settings.draft import Draft, is_default, place
 from servobus.server.web.page.settings.purposes import Purpose, grouped, matches, purpose, title
-from servobus.server.web.values import Held
+from servobus.server.web.values import Content
 
 RX28, DRS0602, LX16A = MODELS["rx28"], MODELS["drs0602"], MODELS["lx16a"]
 
 
-def as_from_the_factory(model: type[Model]) -> dict[str, Held]:
+def as_from_the_factory(model: type[Model]) -> dict[str, Content]:
     """Give a servo that has its factory settings, where these are known."""
     return {
-        row.name: Held(row.default or 0, (row.default or 0) if row.place.has_working_copy else None)
+        row.name: Content(row.default or 0, (row.default or 0) if row.place.has_working_copy else None)
         for row in model.registers.values()
         if row.readable
     }
@@ -73,7 +73,7 @@ def test_a_value_that_is_there_already_is_no_edit() -> None:
     draft.type("highest_limit_temperature", "80")
     assert len(draft) == 0
     draft.type("led", "on")
-    draft.learn({"led": Held(1)})
+    draft.learn({"led": Content(1)})
     assert len(draft) == 0
 
 
@@ -105,7 +105,7 @@ def test_a_herkulex_can_be_changed_until_power_off_alone() -> None:
 
 
 def test_what_acts_and_what_is_stored_are_brought_back_apart() -> None:
-    held = {**as_from_the_factory(DRS0602), "position_kp": Held(now=90, stored=70)}
+    held = {**as_from_the_factory(DRS0602), "position_kp": Content(now=90, stored=70)}
     draft = Draft(DRS0602, held)
     draft.set("position_kp", 90)  # keep what acts now
     assert draft.eeprom(keep=True) == ["position_kp"]
@@ -113,7 +113,7 @@ def test_what_acts_and_what_is_stored_are_brought_back_apart() -> None:
 
 
 def test_the_goal_is_not_brought_back() -> None:
-    draft = Draft(RX28, {**as_from_the_factory(RX28), "goal_position": Held(512)})
+    draft = Draft(RX28, {**as_from_the_factory(RX28), "goal_position": Content(512)})
     draft.type("goal_position", "10")
     assert draft.edits()[0].warning
     assert draft.undoing(keep=True) == ()
@@ -121,9 +121,9 @@ def test_the_goal_is_not_brought_back() -> None:
 
 def test_marks_of_the_factory_setting() -> None:
     row = RX28.register("max_temperature")
-    assert is_default(row, Held(80)) is True
-    assert is_default(row, Held(70)) is False
-    assert is_default(RX28.register("present_load"), Held(0)) is None
+    assert is_default(row, Content(80)) is True
+    assert is_default(row, Content(70)) is False
+    assert is_default(RX28.register("present_load"), Content(0)) is None
 
 
 def test_the_grid_of_conditions() -> None:

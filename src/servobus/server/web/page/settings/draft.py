@@ -8,7 +8,7 @@ from servobus.core.values import frozen
 from servobus.errors import BadValue
 from servobus.families.change import check_pairs, pairs_touched
 from servobus.families.model import Model
-from servobus.server.web.values import Held
+from servobus.server.web.values import Content
 
 MOVING = {
     Motion.GOAL: "moves the servo if its torque is on",
@@ -22,7 +22,7 @@ class Edit:
     """One register that is to get another value, raw."""
 
     row: Register[Any]
-    held: Held
+    held: Content
     raw: int
 
     @property
@@ -53,7 +53,7 @@ class Draft:
     held   what it has, by the names of the registers
     """
 
-    def __init__(self, model: type[Model], held: Mapping[str, Held]) -> None:
+    def __init__(self, model: type[Model], held: Mapping[str, Content]) -> None:
         self.model, self.held = model, dict(held)
         self._raws: dict[str, int] = {}
 
@@ -103,7 +103,7 @@ class Draft:
     def clear(self) -> None:
         self._raws.clear()
 
-    def learn(self, held: Mapping[str, Held]) -> None:
+    def learn(self, held: Mapping[str, Content]) -> None:
         """Take what was read anew. Edits stay, but for those that the servo has already."""
         self.held.update(held)
         for name, raw in list(self._raws.items()):
@@ -170,7 +170,7 @@ def place(row: Register[Any]) -> str:
     return "EEPROM + RAM" if row.place.has_working_copy else "EEPROM"
 
 
-def is_default(row: Register[Any], held: Held) -> bool | None:
+def is_default(row: Register[Any], held: Content) -> bool | None:
     """Tell whether a setting has its factory value; None where none is known, or it is no setting."""
     if row.default is None or held.now is None or not row.writable or row.volatile:
         return None

@@ -11,6 +11,7 @@ from servobus.core.units import deg
 from servobus.errors import UsageError
 from servobus.families import registry
 from servobus.server.web.page.parts.confirm import confirm
+from servobus.server.web.page.parts.names import titles
 from servobus.server.web.page.settings import zero
 from servobus.server.web.page.setup.conditions_view import head
 from servobus.server.web.page.setup.review import close, counted, diff
@@ -219,10 +220,10 @@ class Care:
     # Other servos
 
     def _others(self, *, same_family: bool) -> dict[str, str]:
-        servos = self.bench.bus.servo_entries()
+        named, bus = titles(self.bench.context.service), self.bench.bus
         return {
-            servo["key"]: f"{servo['title']}, id {servo['id']}"
-            for servo in servos
+            servo["key"]: named[bus.name, servo["key"]]
+            for servo in bus.servo_entries()
             if servo["key"] != self.bench.key and (not same_family or servo["family"] == self.bench.model.family.name)
         }
 

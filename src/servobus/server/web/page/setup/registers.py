@@ -1,6 +1,6 @@
 """All registers of a servo: what survives power-off, what does not, and what is measured."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from nicegui import ui
@@ -16,10 +16,13 @@ SHOWN = {"all": "All", "changed": "Not factory", "edited": "Edited"}
 
 
 class Registers:
-    """The tab with all registers."""
+    """The tab with all registers.
 
-    def __init__(self, bench: Workbench) -> None:
-        self.bench = bench
+    care  called by the button beside what is changed with care: id and speed
+    """
+
+    def __init__(self, bench: Workbench, care: Callable[[], object]) -> None:
+        self.bench, self._care = bench, care
         self._rows: dict[str, EditRow] = {}
         self._measured: dict[str, Measured] = {}
         self._cards: list[tuple[ui.element, list[str]]] = []
@@ -76,7 +79,7 @@ class Registers:
         if row.writable and row.name not in IDENTITY:
             self._rows[row.name] = EditRow(self.bench, row)
         else:
-            self._measured[row.name] = Measured(self.bench, row)
+            self._measured[row.name] = Measured(self.bench, row, self._care if row.writable else None)
 
     def _find(self, text: str | None) -> None:
         self._asked = text or ""
@@ -111,8 +114,8 @@ class Registers:
 class Measured:
     """A line of the page whose value cannot be set here."""
 
-    def __init__(self, bench: Workbench, row: Register[Any]) -> None:
-        self.bench, self.row = bench, row
+    def __init__(self, bench: Workbench, row: Register[Any], care: Callable[[], object] | None) -> None:
+        self.row = row
         with ui.element("div").classes("sb-reg") as self.element:
             self.element.props(f"data-register={row.name}")
             with ui.element("div").classes("sb-reg-what"):
@@ -123,6 +126,10 @@ class Measured:
             self._value = ui.label("-" if now is None else row.said(now)).classes("sb-reg-value sb-value sb-reg-told")
             with ui.element("div").classes("sb-reg-end"):
                 self._raw = ui.label("" if now is None else f"raw {now}").classes("sb-mono sb-muted")
+                if care is not None and bench.may_change:
+                    button = ui.button(icon="edit", on_click=care, color=None).props("flat round dense size=sm")
+                    button.props["aria-label"] = f"Change: {title(row)}"
+                    button.classes("sb-quiet")
 
     def show(self, value: Any) -> None:
         """Show a value as telemetry tells it."""
