@@ -254,11 +254,11 @@ class BenchServo:
     """A virtual servo as it is, whatever it reports, and what surrounds it.
 
     number       its place on the bench, which stays when its id changes
-    key          how it is called now
+    id           its id now; `family` the name of its family
     title        of its model
     position     of its shaft, rad; `speed` in rad/s, `current` of its motor in A
     voltage      at its plug, V; `source` what the supply gives without load
-    rated        supply that its maker allows, V, lowest and highest; both 0 where that is not known
+    nominal      supply that it is made for, V; `home` where its shaft stands out of the box, rad
     temperature  of its case, degC
     torque       whether the motor holds the shaft; `led` is the colour of its light
     plugged      whether it has its supply
@@ -268,14 +268,16 @@ class BenchServo:
     """
 
     number: int
-    key: str
+    family: str
+    id: int
     title: str
     position: float
     speed: float
     current: float
     voltage: float
     source: float
-    rated: tuple[float, float]
+    nominal: float
+    home: float
     temperature: float
     torque: bool
     led: str

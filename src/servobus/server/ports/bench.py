@@ -5,13 +5,12 @@ from collections.abc import Sequence
 from servobus.errors import UsageError
 from servobus.remote.managing import Bench, BenchServo, SetBench
 from servobus.server.ports.served_bus import ServedBus
+from servobus.virtual.device.motors import supply
 from servobus.virtual.device.servo import VirtualServo
 from servobus.virtual.physics.motor import stall_torque
 from servobus.virtual.serve.inprocess import VirtualPort
 from servobus.virtual.serve.spec import check_temperature, check_voltage, parse_load
 from servobus.virtual.wire.faults import NO_FAULTS, Faults
-
-UNKNOWN_RATING = 0.0, 0.0
 
 
 def look(served: ServedBus, n: int) -> Bench:
@@ -35,7 +34,7 @@ def change(served: ServedBus, asked: SetBench) -> Bench:
         servos = _named(rig.servos, asked.servos)
         loads = [parse_load(asked.load, servo.shaft.load) for servo in servos] if asked.load else []
         if asked.position is not None:  # first, because it alone can be refused
-            for servo in servos:
+            for servo in sorted(servos, key=_turns_freely):  # those that refuse in front: then none is turned
                 servo.turn_shaft(asked.position)
         for servo, load in zip(servos, loads, strict=False):
             if load != servo.shaft.load:
@@ -67,6 +66,10 @@ def _named(servos: Sequence[VirtualServo], numbers: Sequence[int]) -> Sequence[V
     return [servos[number] for number in numbers] if numbers else servos
 
 
+def _turns_freely(servo: VirtualServo) -> bool:
+    return not (servo.powered and servo.torque)
+
+
 def _bench(port: VirtualPort, n: int) -> Bench:
     rig = port.rig
     servos = tuple(_shown(number, servo) for number, servo in enumerate(rig.servos))
@@ -75,18 +78,18 @@ def _bench(port: VirtualPort, n: int) -> Bench:
 
 def _shown(number: int, servo: VirtualServo) -> BenchServo:
     shaft, model = servo.shaft, servo.model
-    row = model.optional("baud")
-    baud = model.factory_baud if row is None else int(row.decode(servo.memory[row]))
     return BenchServo(
         number=number,
-        key=f"{model.family.name}:{servo.id}@{baud}",
+        family=model.family.name,
+        id=servo.id,
         title=model.title,
         position=shaft.position,
         speed=shaft.velocity,
         current=shaft.current,
         voltage=shaft.rail.voltage,
         source=shaft.rail.source,
-        rated=model.sheet.voltage or UNKNOWN_RATING,
+        nominal=supply(model)[0],
+        home=servo.home,
         temperature=shaft.case,
         torque=servo.powered and servo.torque,
         led=servo.led if servo.powered else "off",

@@ -28,6 +28,8 @@ LOOK = 0.2
 """s between two looks at the servos."""
 OWN = 1.0
 """s after a change for which a slider stays as it was put, whatever is told."""
+ROOM = 25.0
+"""degC."""
 PER_PAGE = 12
 """Servos that are shown at once."""
 THROTTLE = 0.1
@@ -137,11 +139,7 @@ class BenchPage:
         self._context.leaving(look.cancel)
 
     def _build_line(self) -> None:
-        may, servos = self._context.may_change, list(self._bench.servos)
-        low, high = supply_span(servos)
-        self._supply = Knob(
-            "Supply", "V", low, high, 0.1, servos[0].source, lambda value: self.set(voltage=value), enabled=may
-        )
+        may = self._context.may_change
         faults = read_faults(self._bench.faults) or {}
         self._faults = {
             kind: Knob(name, unit, 0.0, most, step, faults.get(kind, 0.0), partial(self._set_fault, kind), enabled=may)
@@ -175,14 +173,10 @@ class BenchPage:
         await self.set(faults=self._words.value or "none")
 
     async def _mend_all(self) -> None:
-        low, high = self._bench.servos[0].rated
-        await self.set(
-            load="none",
-            temperature=25.0,
-            plugged=True,
-            faults="none",
-            voltage=round((low + high) / 2, 1) if high else None,
-        )
+        await self.set(load="none", temperature=ROOM, plugged=True, faults="none")
+        supplies = {servo.nominal for servo in self._bench.servos}
+        for volts in supplies:
+            await self.set([one.number for one in self._bench.servos if one.nominal == volts], voltage=volts)
 
     # What comes
 
@@ -196,7 +190,6 @@ class BenchPage:
         if bench.faults != self._bench.faults:
             self._words.value = bench.faults
         self._bench = bench
-        self._supply.told(bench.servos[0].source)
         faults = read_faults(bench.faults) or {}
         for kind, knob in self._faults.items():
             knob.told(faults.get(kind, 0.0))
@@ -212,6 +205,7 @@ class ServoCard:
 
     def __init__(self, page: BenchPage, servo: BenchServo, *, may: bool) -> None:
         self._page, self._servo = page, servo
+        self._home = round(math.degrees(servo.home))
         only = [servo.number]
         with ui.column().classes("sb-card sb-bench-card"):
             with ui.row().classes("sb-row no-wrap"):
@@ -225,6 +219,10 @@ class ServoCard:
                     self._angle = ui.label("").classes("sb-value")
             self._figures = ui.label("").classes("sb-muted sb-small sb-value")
             most = torque_span(servo)
+            self._supply = Knob(
+                "Supply", "V", 0.0, supply_span(servo), 0.1, servo.source,
+                lambda v: page.set(only, voltage=v), enabled=may,
+            )  # fmt: skip
             self._load = Knob(
                 "Load", "N·m", -most, most, 0.01, servo.load, lambda v: self._hang("torque", v), enabled=may
             )
@@ -237,7 +235,7 @@ class ServoCard:
                 lambda v: page.set(only, temperature=v), enabled=may,
             )  # fmt: skip
             self._turn = Knob(
-                "Turn by hand", "°", 0.0, 360.0, 1.0, math.degrees(servo.position),
+                "Turn by hand", "°", self._home - 180, self._home + 180, 1.0, math.degrees(servo.position),
                 lambda v: page.set(only, position=math.radians(v)), enabled=may,
             )  # fmt: skip
             with ui.row().classes("sb-row"):
@@ -262,23 +260,30 @@ class ServoCard:
         self._servo = servo
         degrees = math.degrees(servo.position)
         said = (
-            f"{servo.title} id {servo.key.partition(':')[2].partition('@')[0]}",
+            f"{servo.title} id {servo.id}",
             "no supply" if not servo.plugged else "holds its shaft" if servo.torque else "shaft turns freely",
             f"{degrees:.1f}°",
-            f"{servo.voltage:.1f} V   {1000 * servo.current:.0f} mA   {servo.temperature:.0f} °C   "
-            f"{math.degrees(servo.speed):.0f} °/s",
+            " · ".join(
+                (
+                    f"{servo.voltage:.1f} V",
+                    f"{1000 * servo.current:.0f} mA",
+                    f"{servo.temperature:.0f} °C",
+                    f"{math.degrees(servo.speed):.0f} °/s",
+                )
+            ),
             servo.led,
         )
         if said != self._last:
             self._name.text, self._state.text, self._angle.text, self._figures.text, led = said
-            self._needle.style(f"transform: rotate({degrees - 150:.1f}deg)")
+            self._needle.style(f"transform: rotate({degrees - self._home:.1f}deg)")
             self._led.style(f"background: {led_colour(led)}")
             self._led.props(f'title="LED {led}"')
             self._last = said
+        self._supply.told(servo.source)
         self._load.told(servo.load)
         self._mass.told(servo.mass)
         self._heat.told(servo.temperature)
-        self._turn.told(degrees % 360)
+        self._turn.told((degrees - self._home + 180) % 360 + self._home - 180)
         self._turn.enable(on=self._may and not servo.torque)
         for switch, value in ((self._blocked, servo.blocked), (self._plugged, servo.plugged)):
             if switch.value != value:

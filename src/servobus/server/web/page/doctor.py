@@ -136,7 +136,7 @@ class DoctorPage:
         with ui.row().classes(f"sb-finding sb-finding-{finding['level']}"):
             ui.icon(icon).classes(colour).props(f'role=img aria-label="{word}"')
             with ui.column().classes("sb-grow sb-tight"):
-                with ui.row().classes("sb-tight-row"):
+                with ui.element("div").classes("sb-said"):
                     ui.label(finding["check"]).classes("sb-check")
                     ui.label(finding["what"])
                 if finding["cause"]:

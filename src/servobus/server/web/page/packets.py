@@ -14,13 +14,15 @@ from servobus.server.web.composer import Composed, compose, send, template
 from servobus.server.web.page.context import PageContext
 from servobus.server.web.page.parts.confirm import confirm
 from servobus.server.web.page.parts.empty import empty
-from servobus.server.web.page.parts.log import PacketLog, short_name
+from servobus.server.web.page.parts.log import PacketLog
 from servobus.server.web.served_bus import ServedBus
 from servobus.server.web.traffic import Filter
 from servobus.server.web.values import key_of
 
 LOOK, COUNT = 0.2, 1.0
 """s between two looks for new packets, and at the counts."""
+READ, SELDOM = 0.5, 5.0
+"""s between two reads of all servos, and of none."""
 ANY = "Any"
 
 
@@ -61,6 +63,7 @@ class PacketsPage:
             background_tasks.create(self._watch.end())
 
         self._context.leaving(leave)
+        self._read()
 
     # Building
 
@@ -87,10 +90,12 @@ class PacketsPage:
                 .props("dense outlined clearable debounce=250")
                 .classes("sb-grow")
             )
+        with ui.row().classes("sb-row"):
             self._troubles = ui.switch("Only errors", on_change=self._refilter).props("dense")
+            self._reads = ui.switch("Read all servos", value=True, on_change=self._read).props("dense")
             self._pause = (
-                ui.button("Pause", icon="pause", color=None, on_click=self._toggle)
-                .props("flat no-caps dense")
+                ui.button(icon="pause", color=None, on_click=self._toggle)
+                .props('flat round dense aria-label="Pause"')
                 .classes("sb-quiet")
             )
 
@@ -101,11 +106,11 @@ class PacketsPage:
             self._table = ui.aggrid(
                 {
                     "columnDefs": [
-                        {"field": "servo", "headerName": "Servo", "flex": 2, "minWidth": 110},
-                        {"field": "requests", "headerName": "Asked", "flex": 1, "minWidth": 74},
-                        {"field": "median", "headerName": "Median", "flex": 1, "minWidth": 84},
-                        {"field": "worst", "headerName": "Longest", "flex": 1, "minWidth": 84},
-                        {"field": "errors", "headerName": "Errors", "flex": 1, "minWidth": 74},
+                        {"field": "servo", "headerName": "Servo", "flex": 2, "minWidth": 112},
+                        {"field": "requests", "headerName": "Asked", "flex": 1, "minWidth": 64},
+                        {"field": "median", "headerName": "Median ms", "flex": 1, "minWidth": 78},
+                        {"field": "worst", "headerName": "Longest ms", "flex": 1, "minWidth": 78},
+                        {"field": "errors", "headerName": "Errors %", "flex": 1, "minWidth": 70},
                     ],
                     "defaultColDef": {"sortable": True, "suppressMovable": True, "resizable": True},
                     "rowData": [],
@@ -150,8 +155,7 @@ class PacketsPage:
             else:
                 self._table.run_grid_method("applyTransaction", {"add": added, "update": changed, "remove": gone})
             if added or gone:
-                names = {name: short_name(name) for name in rows}
-                self._servo.set_options({ANY: ANY, **names})
+                self._servo.set_options([ANY, *rows])
         self._count_programs()
 
     def _count_programs(self) -> None:
@@ -181,10 +185,16 @@ class PacketsPage:
             self._shown = seen[-1].number
         self._log.replace(self._filter.of([one for one in seen if one.number <= self._shown]))
 
+    def _read(self) -> None:
+        """Have all servos read, so that there is something to see, or leave the line to others."""
+        self._context.telemetry(
+            self._bus.name, None if self._reads.value else {}, READ if self._reads.value else SELDOM, _nothing
+        )
+
     def _toggle(self) -> None:
         self._paused = not self._paused
-        self._pause.props(f"icon={'play_arrow' if self._paused else 'pause'}")
-        self._pause.text = "Go on" if self._paused else "Pause"
+        icon, does = ("play_arrow", "Go on") if self._paused else ("pause", "Pause")
+        self._pause.props(f'icon={icon} aria-label="{does}"')
         if not self._paused:
             self._look()
 
@@ -308,16 +318,20 @@ def count_row(entry: Mapping[str, Any]) -> dict[str, Any]:
     """Give what a servo did as a row of the table."""
     rate = entry["error_rate"]
     return {
-        "servo": short_name(entry["name"]),
+        "servo": entry["name"],
         "requests": entry["requests"],
         "median": _milliseconds(entry["latency_median"]),
         "worst": _milliseconds(entry["latency_longest"]),
-        "errors": "" if rate is None else f"{100 * rate:.3g} %",
+        "errors": "" if rate is None else f"{100 * rate:.3g}",
     }
 
 
+def _nothing(_: Mapping[str, Any]) -> None:
+    """Show no values: their packets are what is looked at."""
+
+
 def _milliseconds(seconds: float | None) -> str:
-    return "" if seconds is None else f"{1000 * seconds:.2f} ms"
+    return "" if seconds is None else f"{1000 * seconds:.2f}"
 
 
 def _registers(bus: ServedBus) -> list[str]:

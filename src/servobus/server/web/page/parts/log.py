@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from nicegui.element import Element
 
-from servobus.families import registry
 from servobus.server.web.traffic import Seen, servo_name
 
 Row = tuple[str, str, str, str, str, str, str, str]
@@ -25,18 +24,12 @@ def row_of(seen: Seen) -> Row:
         f"{entry['time']:.3f}",
         seen.by,
         WAYS.get(entry["direction"] or "", "·"),
-        short_name(servo_name(entry)),
+        servo_name(entry),
         entry["text"],
         _short_hex(entry["hex"]),
         "" if latency is None else f"{1000 * latency:.2f} ms",
         f"sb-log-{'in' if entry['direction'] == '<' else 'out'} {kind}".strip(),
     )
-
-
-def short_name(servo: str) -> str:
-    """Give a servo as people call it: "Dynamixel 1"."""
-    family, _, id = servo.partition(" ")
-    return f"{registry.family(family).title} {id}" if id else ""
 
 
 def _short_hex(hex: str) -> str:

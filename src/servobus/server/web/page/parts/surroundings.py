@@ -55,11 +55,9 @@ def load_text(servo: BenchServo, name: str, value: float) -> str:
     return f"{name}={value:g}"
 
 
-def supply_span(servos: list[BenchServo]) -> tuple[float, float]:
-    """Give the ends of the slider of the supply, V: below and above what the servos may have."""
-    rated = [servo.rated for servo in servos if servo.rated[1] > 0]
-    highest = max((high for _, high in rated), default=max((servo.source for servo in servos), default=12.0))
-    return 0.0, float(math.ceil(1.25 * highest))
+def supply_span(servo: BenchServo) -> float:
+    """Give the end of the slider of the supply, V: well above what the servo is made for."""
+    return float(math.ceil(1.5 * servo.nominal))
 
 
 def torque_span(servo: BenchServo) -> float:
