@@ -22,18 +22,18 @@ def examine(
     port: str,
     plan: SearchPlan,
     watch: Watcher = lambda *_: None,
-    opened: Callable[[str], Bus] = connect.open,
+    opened: Callable[[str], Bus] | None = None,
 ) -> Iterator[Finding]:
     """Make all checks of a port, as far as they get. Raises UsageError for a name that is no port.
 
-    `opened` opens a port by its name.
+    `opened` opens a port by its name; `servobus.open` by default.
     """
     for finding in check_system(port):
         yield finding
         if finding.level is Severity.FAIL:
             return  # it could not be opened
     try:
-        with opened(port) as bus:
+        with (opened or connect.open)(port) as bus:
             bus.models = plan.models
             yield from check_open_port(bus)
             taken: set[int] = set()
