@@ -29,6 +29,8 @@ from servobus.remote.managing import (
 )
 from servobus.remote.port import RemotePort
 
+SESSION = "web"
+"""Name of the session of this process."""
 DEADMAN = 1.0
 """s after which this process is taken for hung. Its loop has been seen to stand still for 55 ms."""
 BEAT = 0.2
@@ -50,7 +52,7 @@ class OwnerLink:
     async def connect(self, told: Callable[[Happened], object]) -> dict[str, str]:
         """Connect; `told` is told of events from now on. Gives name -> port of the buses. Raises PortError."""
         self._client = await Client.connect(
-            self._host, self._port, self._token, name="web", client="web", deadman=DEADMAN
+            self._host, self._port, self._token, name=SESSION, client="web", deadman=DEADMAN
         )
         self.ended = self._client.ended
         self._client.listen(Happened, told)
@@ -74,7 +76,7 @@ class OwnerLink:
     def port(self, name: str) -> RemotePort:
         """Open a bus in the session of this process; waits for the owner, so it belongs into a thread."""
         address = Address(self._host, self._port, name)
-        return RemotePort(address, name="web", session=self._client.welcome.session, deadman=0.0, token=self._token)
+        return RemotePort(address, name=SESSION, session=self._client.welcome.session, deadman=0.0, token=self._token)
 
     def address(self, name: str) -> str:
         """Give the name of a bus as a port for other programs of ours."""
