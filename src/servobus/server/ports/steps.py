@@ -2,7 +2,8 @@
 
 import asyncio
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from operator import attrgetter
 from typing import Any, Protocol
 
 from servobus.bus.asyncio import AsyncBus
@@ -28,8 +29,8 @@ FASTEST = 10_000_000
 KNOWN = 1000
 """Exchanges that are kept, so that one that comes again is not made anew."""
 
-_NUMBERS = COLUMNS[:-1]
-"""The counters that grow; the last one is the worst delay."""
+_numbers: Callable[[Counts], tuple[int, ...]] = attrgetter(*COLUMNS[:-1])
+"""Gives the counters that grow; the last one is the worst delay."""
 
 
 class Exchanges:
@@ -155,7 +156,7 @@ class BusSteps:
                     self._gate.carried_out(self._who, self._name, exchange, request.baud, error)
             self._tell(Failed(request.n, fault(error), self._counted(before, (), request.baud)))
         except Exception as error:  # noqa: BLE001 - a client must not end what serves the others
-            _log(f"{self._name}: a request of {self._who.name} failed", error)
+            log_failure(f"{self._name}: a request of {self._who.name} failed", error)
             self._tell(Failed(request.n, fault(error)))
         else:
             self._tell(answer)
@@ -278,11 +279,8 @@ def _parts(step: Step) -> Sequence[Exchange[Any]]:
     return step.parts if isinstance(step, GroupExchange) else exchanges_in(step)
 
 
-def _numbers(counts: Counts) -> tuple[int, ...]:
-    return tuple(getattr(counts, name) for name in _NUMBERS)
-
-
-def _log(what: str, error: Exception) -> None:
+def log_failure(what: str, error: Exception) -> None:
+    """Tell the log of a fault of this program, which goes on."""
     import logging  # noqa: PLC0415 - seldom wanted
 
     logging.getLogger("servobus").error(what, exc_info=error)
