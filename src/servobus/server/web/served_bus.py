@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from servobus.bus.asyncio import AsyncBus, AsyncBusServo
 from servobus.core.present import si_entry, si_register_entry
 from servobus.core.registers import Motion, Register
-from servobus.errors import BadValue, PortError, PortLost, ServobusError, Stopped, UsageError
+from servobus.errors import BadValue, Held, PortError, PortLost, ServobusError, Stopped, UsageError
 from servobus.families.base import Answers, StopOutcome, require_model
 from servobus.families.motion import counts_turns
 from servobus.families.present import servo_entry
@@ -23,9 +23,9 @@ from servobus.jobs.look import read_table
 from servobus.server.web.audit import Audit
 from servobus.server.web.entries import alarm_names, change_entry, latched_names, snapshot_entry, texts_of
 from servobus.server.web.feeds import Events, Feed
-from servobus.server.web.holders import Holder
+from servobus.server.web.holders import Holder, Holders
 from servobus.server.web.jobs import Jobs, ServerJob
-from servobus.server.web.owner_link import OwnerLink
+from servobus.server.web.owner_link import SESSION, OwnerLink
 from servobus.server.web.poller import LONGEST, OVERVIEW, SHORTEST, Poller, Rows
 from servobus.server.web.values import decoded, key_of, optional_row, raw_value, raws_of, readable_row, servo_of
 
@@ -62,11 +62,12 @@ class ServedBus:
         events: Events,
         jobs: Jobs,
         audit: Audit,
+        holders: Holders,
         owner: OwnerLink | None = None,
     ) -> None:
         self.name, self.port, self.bus = name, port, bus
         self.events, self.jobs, self.audit = events, jobs, audit
-        self._owner = owner
+        self._owner, self._holders = owner, holders
         self.gone = ""
         self.stopped_by = ""
         self._stopped_at = -math.inf
@@ -112,6 +113,7 @@ class ServedBus:
             "latched": latched_names(servo),
             "lost": self._poller.lost(servo),
             "driven": servo.permit.driven,
+            "holder": None if (holder := self._holders.of(self.name, key_of(servo))) is None else holder.name,
             "restarted": servo.restarted,
             "eeprom_writes": servo.eeprom_writes,
         }
@@ -288,6 +290,8 @@ class ServedBus:
         except Exception as error:
             self.audit.note(actor.name, "torque", self.name, said, {"on": on}, str(error))
             raise
+        if not on:
+            self._holders.free(self.name, [key_of(servo) for servo in servos])
         self.audit.note(actor.name, "torque", self.name, said, {"on": on})
         self.events.tell("torque", bus=self.name, by=actor.name, servos=[key_of(servo) for servo in servos], on=on)
 
@@ -330,6 +334,7 @@ class ServedBus:
         servos = self.servos(keys)
         self.latch(actor)
         said = [key_of(servo) for servo in servos]
+        self._holders.free(self.name, said)
         try:
             if self._owner is not None:
                 await self._owner.stop(self.name, () if keys is None else said)
@@ -352,7 +357,10 @@ class ServedBus:
     def follow(self, what: str, data: Mapping[str, Any]) -> None:
         """Take note of what the owner of the ports tells of this bus."""
         if what == "stopped" and data.get("servos") is None:
-            self.stopped_by, self._stopped_at = str(data.get("by", "")), asyncio.get_running_loop().time()
+            by = str(data.get("by", ""))
+            if by != SESSION or not self.stopped_by:  # of a stop from here it is known which person asked for it
+                self.stopped_by = by
+            self._stopped_at = asyncio.get_running_loop().time()
         elif what == "resumed":
             self.stopped_by, self._stopped_at = "", -math.inf
         elif what == "gone":
@@ -360,7 +368,18 @@ class ServedBus:
         elif what == "back":
             self.gone = ""
 
-    async def stop_driven(self, keys: Iterable[str], why: str) -> None:
+    async def take_over(self, actor: Actor, keys: Iterable[str]) -> None:
+        """Hold servos that another one may hold: they are made safe first. Only for a client that is watched."""
+        said = [key_of(servo) for servo in self.servos(keys)]
+        if actor.holder is None:
+            raise UsageError("only a client that is watched can hold servos: open /api/v1/live, and send `hold`")
+        actor.holder.check()
+        others = [key for key in said if self._holders.of(self.name, key) not in (None, actor.holder)]
+        self._holders.free(self.name, others)
+        actor.holder.driven |= {(self.name, key) for key in said}
+        await self.stop_driven(others, f"{actor.name} has taken over", "taken over")
+
+    async def stop_driven(self, keys: Iterable[str], why: str, what: str = "deadman") -> None:
         """Stop what somebody drove who is not there any more; what others drive goes on."""
         known = {key_of(servo): servo for servo in self.bus}
         servos = [known[key] for key in keys if key in known and known[key].permit.driven]
@@ -370,8 +389,8 @@ class ServedBus:
         await self.bus._beside_the_loop(partial(self.bus.safety.make_safe, None, servos))
         moving = [key_of(servo) for servo in servos if servo.permit.driven]
         failed = f"{', '.join(moving)} may still move" if moving else None
-        self.audit.note("server", "deadman", self.name, ", ".join(said), {"why": why}, failed or "done")
-        self.events.tell("deadman", bus=self.name, servos=said, why=why, failed=failed)
+        self.audit.note("server", what, self.name, ", ".join(said), {"why": why}, failed or "done")
+        self.events.tell(what, bus=self.name, servos=said, why=why, failed=failed)
 
     async def resume(self, actor: Actor) -> None:
         """Let servos be moved again after a stop, once WINDOW is over. Moves nothing."""
@@ -389,15 +408,23 @@ class ServedBus:
         return await self.bus.stop(servos)
 
     def begin(self, actor: Actor, servos: Iterable[AsyncBusServo]) -> None:
-        """Take note that somebody is about to drive servos. Raises Stopped if nothing is to move now."""
+        """Take note that somebody is about to drive servos.
+
+        Raises Stopped if nothing is to move now, Held if somebody else holds one of them.
+        """
         left = self._stopped_at + WINDOW - asyncio.get_running_loop().time()
         if self.stopped_by:
             raise Stopped(f"{self.name} was stopped by {self.stopped_by}: nothing moves until somebody resumes")
         if left > 0:
             raise Stopped(f"{self.name} was stopped: nothing moves for another {left:.1f} s")
+        keys = [key_of(servo) for servo in servos]
+        for key in keys:
+            other = self._holders.of(self.name, key)
+            if other is not None and other is not actor.holder:
+                raise Held(f"{key} is held by {other.name}: wait until it is let go, or take it over", other.name)
         if actor.holder is not None:
             actor.holder.check()
-            actor.holder.driven |= {(self.name, key_of(servo)) for servo in servos}
+            actor.holder.driven |= {(self.name, key) for key in keys}
 
     async def _check_watched(self, actor: Actor, servo: AsyncBusServo, raws: Mapping[Register[Any], int]) -> None:
         """Raise UsageError for a write that makes a servo turn without end, where nobody is watched meanwhile."""

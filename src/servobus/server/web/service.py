@@ -23,7 +23,7 @@ from servobus.server.web.audit import Audit
 from servobus.server.web.entries import snapshot_entry
 from servobus.server.web.errors import TooMany
 from servobus.server.web.feeds import Events, Feed
-from servobus.server.web.holders import Driven, Holder
+from servobus.server.web.holders import Driven, Holder, Holders
 from servobus.server.web.jobs import Jobs, ServerJob
 from servobus.server.web.owner_link import OwnerLink, event_data
 from servobus.server.web.served_bus import Actor, ServedBus
@@ -51,6 +51,7 @@ class Service:
         self.events = Events()
         self.jobs = Jobs(self.events)
         self.audit = Audit(audit)
+        self.holders = Holders()
         self.buses: dict[str, ServedBus] = {}
         self.robots: dict[str, ServedRobot] = {}
         self._recordings, self._opened = recordings, opened
@@ -104,7 +105,14 @@ class Service:
 
     def _add(self, name: str, port: str, bus: AsyncBus) -> None:
         self.buses[name] = ServedBus(
-            name, port, bus, events=self.events, jobs=self.jobs, audit=self.audit, owner=self._owner
+            name,
+            port,
+            bus,
+            events=self.events,
+            jobs=self.jobs,
+            audit=self.audit,
+            holders=self.holders,
+            owner=self._owner,
         )
 
     def _happened(self, event: Happened) -> None:
@@ -158,7 +166,9 @@ class Service:
 
     def holder(self, name: str) -> Holder:
         """Make a holder: someone who drives servos and is watched while he does."""
-        return Holder(name, self._lapsed)
+        holder = Holder(name, self._lapsed)
+        self.holders.add(holder)
+        return holder
 
     async def _lapsed(self, driven: Driven, why: str) -> None:
         for name in {bus for bus, _ in driven}:
