@@ -15,11 +15,12 @@ from servobus.bus.asyncio import AsyncBus, AsyncBusServo
 from servobus.core.present import si_entry, si_register_entry
 from servobus.core.registers import Motion, Register
 from servobus.errors import BadValue, Held, PortError, PortLost, ServobusError, Stopped, UsageError
-from servobus.families.base import Answers, StopOutcome, require_model
+from servobus.families.base import Answers, Family, Model, StopOutcome, require_model
 from servobus.families.motion import counts_turns
 from servobus.families.present import servo_entry
 from servobus.jobs.backup import Backup, compare
 from servobus.jobs.look import read_table
+from servobus.remote.managing import Bench
 from servobus.server.web.audit import Audit
 from servobus.server.web.entries import alarm_names, change_entry, latched_names, snapshot_entry, texts_of
 from servobus.server.web.feeds import Events, Feed
@@ -27,6 +28,7 @@ from servobus.server.web.holders import Holder, Holders
 from servobus.server.web.jobs import Jobs, ServerJob
 from servobus.server.web.owner_link import SESSION, OwnerLink
 from servobus.server.web.poller import LONGEST, OVERVIEW, SHORTEST, Poller, Rows
+from servobus.server.web.traffic import TrafficWatch
 from servobus.server.web.values import decoded, key_of, optional_row, raw_value, raws_of, readable_row, servo_of
 
 T = TypeVar("T")
@@ -73,6 +75,8 @@ class ServedBus:
         self._stopped_at = -math.inf
         self._poller = Poller(name, bus, self._tell_servo, self._port_failed)
         self._opening: asyncio.Task[None] | None = None
+        self.traffic = TrafficWatch(name, owner, self._models)
+        """The packets on this bus, for those who look at them."""
 
     async def close(self) -> None:
         """Make safe what this bus drives, and give the port back."""
@@ -486,6 +490,22 @@ class ServedBus:
         servo = self.servo(key)
         await self._audited(actor, "reboot", servo, servo.reboot())
 
+    # Virtual servos
+
+    async def bench(self) -> Bench:
+        """Give the virtual servos of this bus, and what surrounds them. Raises UsageError for a bus of real ones."""
+        return await self._with_owner().bench(self.name)
+
+    async def set_bench(self, actor: Actor, servos: Iterable[int] = (), **changes: Any) -> Bench:
+        """Change what surrounds virtual servos, by number, or all. Raises BadValue, UsageError."""
+        del actor  # nobody's servo is told anything: what surrounds it is everybody's
+        return await self._with_owner().set_bench(self.name, servos=tuple(servos), **changes)
+
+    def _with_owner(self) -> OwnerLink:
+        if self._owner is None:
+            raise UsageError(f"the bench of {self.name} is where its port is open, and here it is not")
+        return self._owner
+
     # Telemetry
 
     def subscribe(self, feed: Feed, wanted: Mapping[str, Sequence[str]] | None, period: float) -> None:
@@ -513,6 +533,9 @@ class ServedBus:
         }
 
     # Helpers
+
+    def _models(self) -> list[tuple[Family, int, type[Model]]]:
+        return [(one.family, one.id, one.model) for one in self.bus]
 
     async def _read(
         self, servo: AsyncBusServo, rows: Sequence[Register[Any]], *, stored: bool

@@ -13,6 +13,7 @@ from typing import Any
 
 from servobus import connect
 from servobus.bus.asyncio import AsyncBus
+from servobus.bus.blocking import Bus
 from servobus.core.ids import LAST_ID, check_ids
 from servobus.errors import ServobusError, StopFailed, UnknownName, UsageError
 from servobus.families import registry
@@ -241,8 +242,15 @@ class Service:
                     raise asyncio.CancelledError
                 loop.call_soon_threadsafe(self.jobs.progress, job, done, total, stage)
 
+            owner = self._owner
+
+            def opened(port: str) -> Bus:
+                return connect.open(port) if owner is None else Bus(owner.port(name))
+
             def work() -> None:
-                for finding in examine(served.port, plan, watch):
+                # A port that another process owns is examined through that process.
+                port = served.port if owner is None else owner.address(name)
+                for finding in examine(port, plan, watch, opened):
                     loop.call_soon_threadsafe(job.found.append, finding.entry())
 
             try:
