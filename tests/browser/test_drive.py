@@ -1,4 +1,4 @@
-"""Move and Plot in a browser: a dial, held buttons, STOP by a key, a wheel, a tab that hangs; curves and their export."""
+"""Move and Plot in a browser: a dial, held buttons, STOP by a key, a wheel, a tab that hangs; curves and exports."""
 
 import csv
 import io

@@ -21,7 +21,6 @@ from servobus.server.web.jobs import Jobs, ServerJob
 from servobus.server.web.served_bus import Actor, ServedBus
 from servobus.server.web.values import key_of
 
-
 RATE = 50.0
 """Goals a second of a motion: half of what a program sends, for this process serves pages meanwhile."""
 
