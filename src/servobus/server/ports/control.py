@@ -37,6 +37,8 @@ STALE = 0.5
 MISSED = 3
 """Requests in a row without a good answer after which a servo is said to be lost."""
 MOST_JUDGED = 4096
+NEAR = 0.03
+"""Speeds so near to each other, as a share, are the same to a servo (RX-28 manual 3-4-1)."""
 T = TypeVar("T")
 
 
@@ -261,7 +263,7 @@ class Control:
         id = written.get(servo.model.register("id"))
         speed = servo.model.optional("baud")
         raw = None if speed is None else written.get(speed)
-        baud = None if speed is None or raw is None else int(speed.decode(raw))
+        baud = None if speed is None or raw is None else _usual(int(speed.decode(raw)), servo.model.bauds)
         if id is None and baud is None:
             return
         served.moved_to(servo, id=id, baud=baud)
@@ -322,6 +324,12 @@ def _strangers() -> frozenset[tuple[str, bytes]]:
     return frozenset(
         (one.framing.name, one.request) for family in registry.FAMILIES.values() for one in family.strangers()
     )
+
+
+def _usual(baud: int, bauds: Sequence[int]) -> int:
+    """Give the speed by which people call one that a divider makes: 57143 of an RX-28 is its 57600."""
+    near = min(bauds, key=lambda usual: abs(usual - baud), default=baud)
+    return near if abs(near - baud) <= NEAR * baud else baud
 
 
 def require(who: Holder, role: str) -> None:

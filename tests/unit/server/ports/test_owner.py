@@ -32,6 +32,7 @@ from servobus.remote.managing import (
 )
 from servobus.remote.session import RemoteSession
 from servobus.server.ports.control import Place
+from servobus.server.ports.served_bus import key_of
 from servobus.traffic.recording import Chunk, Note, parse
 from servobus.virtual.device.servo import VirtualServo
 from unit.remote.hosted import PATIENCE, TOKEN, VIEWER, Owned
@@ -359,3 +360,12 @@ def test_a_new_id_goes_with_the_lease(server: Owned) -> None:
         servo.change_id(7)
         holders = server.told(lambda: {key: str(one) for key, one in server.owner.control.leases.all().items()})
         assert list(holders) == [("arm", "dynamixel:7@57600")]
+
+
+def test_a_speed_is_called_as_people_call_it(server: Owned) -> None:
+    """57600 is 57143 by the divider of an RX-28 (manual 3-4-1); the servo is the same as before."""
+    with server.bus("arm") as bus:
+        servo = bus.attach(RX28, 1)
+        servo.change_baud(115_200)
+        servo.change_baud(57_600)
+        assert server.told(lambda: [key_of(one) for one in server.owner.buses["arm"].bus]) == [ONE]
