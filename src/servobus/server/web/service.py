@@ -205,6 +205,16 @@ class Service:
             raise UnknownName(f"there is no robot {name[:40]!r} (there are: {', '.join(self.robots) or 'none'})")
         return self.robots[name]
 
+    def joints(self, bus: str) -> dict[str, str]:
+        """Name the servos of a bus as the robot files do: key -> joint."""
+        return {
+            part["key"]: name
+            for robot in self.robots.values()
+            for name, joint in robot.entry()["joints"].items()
+            for part in joint["servos"]
+            if part["bus"] == bus
+        }
+
     # Models and recordings
 
     @staticmethod

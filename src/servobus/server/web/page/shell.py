@@ -3,7 +3,7 @@
 The heartbeat and STOP are a script of their own, `assets/shell.js`: they need nothing of what the page does otherwise.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 from nicegui import PageArguments, ui
@@ -42,6 +42,7 @@ class Shell:
         context = PageContext(self._context, state.login, role_of(state), ui.context.client)
         ui.context.client.on_connect(context.start)
         ui.context.client.on_delete(context.close)
+        ui.context.client.on_exception(context.fault)
         ui.add_head_html(HEAD)
         ui.colors(primary="#2f6fed", positive="#12855a", negative="#c9251d", warning="#b7740f", info="#2f6fed")
         Frame(context, request.cookies.get(THEME_COOKIE, ""))
@@ -171,24 +172,32 @@ class Frame:
                     with ui.row().classes("sb-banner sb-banner-bad").props("role=alert"):
                         ui.icon("usb_off")
                         ui.label(f"{bus.name}: {bus.gone}. It is opened again as soon as it is back.").classes("col")
-                if bus.stopped_by:
-                    with ui.row().classes("sb-banner sb-banner-bad").props("role=alert"):
-                        ui.icon("front_hand")
-                        ui.label(f"{bus.name} was stopped by {bus.stopped_by}. Nothing moves until somebody resumes.")
-                        ui.space()
-                        if self._context.may_change:
-                            ui.button("Resume", on_click=lambda name=bus.name: self._resume(name)).props(
-                                "unelevated no-caps dense color=white text-color=black"
-                            )
+            stopped = {bus.name: bus.stopped_by for bus in self._context.service.buses.values() if bus.stopped_by}
+            if stopped:
+                with ui.row().classes("sb-banner sb-banner-bad").props("role=alert"):
+                    ui.icon("front_hand")
+                    ui.label(stop_said(stopped, list(self._context.service.buses))).classes("col")
+                    if self._context.may_change:
+                        ui.button("Resume", on_click=lambda: self._resume(list(stopped))).props(
+                            "unelevated no-caps color=white text-color=black"
+                        )
 
-    async def _resume(self, name: str) -> None:
+    async def _resume(self, names: list[str]) -> None:
         context = self._context
-        bus = context.service.bus(name)
+        buses = [context.service.buses[name] for name in names if name in context.service.buses]
         sure = await confirm(
             "Resume?",
             "Nothing moves by itself, but programs and pages may move these servos again.",
             does="Resume",
-            names=[str(servo["key"]) for servo in bus.servo_entries()],
+            names=[str(servo["key"]) for bus in buses for servo in bus.servo_entries()],
         )
         if sure:
-            context.attempt_now(lambda: bus.resume(context.actor), "Servos may be moved again")
+            for bus in buses:
+                bus.resume(context.actor)
+
+
+def stop_said(stopped: Mapping[str, str], buses: Sequence[str]) -> str:
+    """Say what was stopped and by whom: bus -> name of who did, and all buses that there are."""
+    who = " and ".join(dict.fromkeys(stopped.values()))
+    what = "Everything" if set(stopped) == set(buses) else " and ".join(stopped)
+    return f"{what} was stopped by {who}. Nothing moves until somebody resumes."
