@@ -5,6 +5,8 @@ BIN := $(VENV)/bin
 CORE := $(VENV)/.core
 READY := $(VENV)/.ready
 RIVALS := $(VENV)/.rivals
+PAGES := $(VENV)/.pages
+SERVE ?= virtual:rx28@1-4,drs0602@219,lx16a@1,2
 # LeRobot needs Python 3.12 or later, and what it imports for robots needs few of its dependencies.
 COMPANION := companions/lerobot_robot_servobus
 LEROBOT_VENV := .venv-lerobot
@@ -24,7 +26,7 @@ unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-all test-lerobot check format docs bench faults soak clean
+.PHONY: help setup demo serve test test-all test-lerobot check format docs bench faults soak clean
 
 help:  ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -52,6 +54,14 @@ setup: $(READY)  ## make the environment in .venv
 
 demo: $(CORE)  ## find, read and move virtual servos of three families
 	@$(BIN)/servobus demo
+
+$(PAGES): $(CORE)
+	@echo "adding what the pages need (once)"
+	@$(PIP) --editable ".[web,mcap]"
+	@touch $(PAGES)
+
+serve: $(PAGES)  ## open the manager in a browser, on virtual servos; SERVE="/dev/ttyUSB0" for real ones
+	@$(BIN)/servobus serve $(SERVE) --open
 
 test: $(READY)  ## run the tests, slow ones with a few models that stand for all
 	@$(BIN)/python -m pytest $(BUSY)

@@ -40,7 +40,7 @@ An alarm (overheating, low voltage ...) is not in this tree: it is data, and sta
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
 
 
 class ServobusError(Exception):
@@ -62,6 +62,18 @@ class ServobusError(Exception):
             self.args = (f"{self.args[0]}; {said}",)
         else:
             self.add_note(said)
+
+    def tell_whose(self, name: str) -> None:
+        """Say in the message what the error came of, such as the name of a joint, unless it begins with that."""
+        if not str(self).startswith(f"{name}: "):
+            self.args = (f"{name}: {self}", *self.args[1:])
+
+    def copy(self) -> Self:
+        """Give the same error again, to be raised anew: one that is raised twice would have two tracebacks in one."""
+        error = type(self).__new__(type(self))
+        error.args = self.args
+        error.__dict__.update(self.__dict__)
+        return error
 
 
 class UsageError(ServobusError, ValueError):

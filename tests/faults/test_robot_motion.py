@@ -5,18 +5,20 @@ What must happen stands as a table in docs/motion.md. Time is virtual.
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from itertools import pairwise
 from typing import Any
 
 import pytest
 
 import servobus
-from servobus import ServobusError, deg
+from servobus import BadValue, ServobusError, Stopped, TorqueOff, deg
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_text
 from servobus.robots.motions.leading import Phase
+from servobus.robots.motions.motion import Motion
 from servobus.robots.teleop import Teleop
 from servobus.virtual.physics.motor import Load
-from unit.robots.played_arm import goals_in, port_of, servos_of, shaft_angles
+from unit.robots.arms import goals_in, port_of, servos_of, shaft_angles
 
 ROBOT = """
 [robot]
@@ -218,3 +220,68 @@ def test_teach(leader: Robot, fault: Fault) -> None:
     told = " ".join(found.notes)
     assert {"restart": "did not answer", "swap": "jumped at", "cable": "left out"}.get(fault.__name__, "") in told
     stands(leader)
+
+
+def pull(robot: Robot, joint: str) -> None:
+    """Let the supply of a joint's servos fail for a moment, so short that nobody hears them miss a reply."""
+    for part, servo in zip(robot[joint].parts, servos_of(robot, joint), strict=True):
+        there = port_of(robot, part.port)
+        there.rig.unplug([servo], there.now())
+        there.rig.plug([servo], there.now())
+
+
+def test_a_joint_that_was_silent_catches_up_no_faster_than_its_limit(arm: Robot) -> None:
+    play = arm.play("swing", rate=25)
+    goals = []
+    for n, _ in enumerate(play):
+        if n == AT:
+            port_of(arm, "right").inject("mute")
+        if n == AT + 2:
+            port_of(arm, "right").inject(None)
+        goals.append(goals_in(arm, "grip")[0])
+    steps = [abs(after - before) for before, after in pairwise(goals)]
+    step = 0.163 * deg  # a unit of position of a DRS-0602, by its manual
+    assert max(steps) <= play.limits["grip"].speed * play.period + step
+    assert min(steps[AT : AT + 3]) == 0, "it was sent nothing while it was silent"
+    assert goals[-1] == pytest.approx(40 * deg, abs=step)
+
+
+def test_a_joint_that_is_held_shortly_before_the_end_is_told(arm: Robot) -> None:
+    quick = Motion((0.0, 1.0), {"lift": (0.0, 60 * deg)})
+    with pytest.raises(Stopped, match=r"lift stays .* behind its goal"):
+        for tick in arm.play(quick, rate=25):
+            if 0.6 < tick.time < 0.65:
+                stall(arm)
+    stands(arm)
+
+
+@pytest.mark.parametrize("joint", ["base", "grip"])
+def test_a_servo_that_restarts_between_two_turns_that_are_far_apart_is_given_no_goal(arm: Robot, joint: str) -> None:
+    with pytest.raises(TorqueOff, match=f"{joint} has no torque any more"):
+        for n, _ in enumerate(arm.play("swing", rate=2)):
+            if n == 6:
+                pull(arm, joint)
+    assert not any(servo.torque for servo in servos_of(arm, joint))
+    stands(arm)
+
+
+def test_a_program_that_slept_between_two_turns_looks_before_it_sends(arm: Robot) -> None:
+    with pytest.raises(TorqueOff, match="base has no torque any more"):
+        for n, _ in enumerate(arm.play("swing", rate=25)):
+            if n == AT:
+                pull(arm, "base")
+                servos_of(arm, "base")[0].turn_shaft(servos_of(arm, "base")[0].shaft.position - 10 * deg)
+                arm.ports.align(arm.ports.now() + 1.0)
+    assert not servos_of(arm, "base")[0].torque
+    stands(arm)
+
+
+def test_a_joint_far_outside_its_limits_is_not_brought_inside_by_a_jump(arm: Robot) -> None:
+    arm["base"].torque_off()
+    servos_of(arm, "base")[0].turn_shaft((150 + 120) * deg)
+    arm["base"].torque_on()
+    with pytest.raises(BadValue, match=r"base stands at 120\.\d°, outside its limits, .*: move it inside first"):
+        arm.play("swing", rate=25).wait()
+    stands(arm)
+    arm.move(base=90 * deg, speed=60 * deg).wait()
+    arm.play("swing", rate=25).wait()

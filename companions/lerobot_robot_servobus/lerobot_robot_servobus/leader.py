@@ -70,7 +70,7 @@ class ServobusLeader(Device, Teleoperator):
 
 def _check_limp(arm: Arm) -> None:
     states = arm.look()
-    stiff = [joint.name for joint in arm if states[joint.name].torque]
+    stiff = [joint.name for joint in arm if not states[joint.name].limp]
     if stiff:
         raise servobus.MotionError(
             f"{', '.join(stiff)}: the torque of the leader is on, so nobody could move it; hold the leader, and switch "

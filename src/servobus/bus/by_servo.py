@@ -32,6 +32,11 @@ class ByServo(Mapping[S, V], Generic[S, V]):
         except KeyError:
             return self._values[pick(self._values, key)]
 
+    @property
+    def by_servo(self) -> Mapping[S, V]:
+        """Servo -> value as a plain mapping, for loops: nothing in it can be asked by id."""
+        return self._values
+
     def get(self, key: S | int, default: Any = None) -> Any:
         """Give the value, or the default if there is none. Raises UnknownName for an id that two servos have."""
         return self[key] if key in self else default  # noqa: SIM401 - this is get

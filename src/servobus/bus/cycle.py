@@ -15,9 +15,9 @@ silent then too, one of the silent is asked each RETRY, for silence costs time t
 """
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from itertools import groupby
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from servobus.bus.by_servo import Readings, name, pick
 from servobus.bus.rate import Rate
@@ -37,7 +37,7 @@ from servobus.transports.base import Transport
 
 T = TypeVar("T")
 
-RETRY = 0.25
+RETRY = 0.1
 """s between two questions to servos that stay silent."""
 
 
@@ -92,7 +92,8 @@ class _Value:
     name: str
     answer: int
     part: slice
-    row: Register[Any]
+    unpack: Callable[[bytes], int]
+    decode: Callable[[int], Any]
 
 
 class _Part:
@@ -106,7 +107,7 @@ class _Part:
         self.questions = reading.exchanges
         self.single = [question.no_retry() for question in self.questions]
         self.values = [
-            _Value(name, answer, part, row)
+            _Value(name, answer, part, row.layout.unpacker(), row.decoder(self.target))
             for name, row, (answer, part, _) in zip(names, rows, reading.places, strict=True)
         ]
         self.motion_status: MotionStatus | None = None
@@ -120,10 +121,13 @@ class _Part:
         """Give name -> value. Raises BadReading for what has no meaning."""
         seen = {}
         for value in self.values:
-            raw = value.row.layout.unpack(answers[value.answer][value.part])
-            seen[value.name] = value.row.decode(raw, self.target)
+            seen[value.name] = value.decode(value.unpack(answers[value.answer][value.part]))
         self.position = seen.get("present_position")
         return seen
+
+
+Question: TypeAlias = tuple[_Part, int, Exchange[bytes]]
+"""Of whom something is asked, the number of the question among those to this servo, and the question."""
 
 
 @frozen
@@ -133,6 +137,8 @@ class _Group:
     family: Family
     baud: int
     parts: list[_Part]
+    asked: list[Question]
+    """What is asked of all of them."""
 
 
 class Cycle:
@@ -239,16 +245,17 @@ class Cycle:
         for servo, part in self._parts.items():
             if servo in old:
                 part.motion_status, part.modes = old[servo].motion_status, old[servo].modes
-        groups: dict[tuple[str, int], _Group] = {}
+        groups: dict[tuple[str, int], list[_Part]] = {}
         for part in self._parts.values():
-            family, baud = part.servo.family, part.servo.baud
-            groups.setdefault((family.name, baud), _Group(family, baud, [])).parts.append(part)
+            groups.setdefault((part.servo.family.name, part.servo.baud), []).append(part)
             longest = part.target.model.max_move_time
             longest = math.inf if longest is None else longest
             time = finite(self.time)
             if time is None or not 0 <= time <= longest:
                 raise BadValue(f"{part.target}: a move cannot take {said(self.time)} s")
-        self._groups = list(groups.values())
+        self._groups = [
+            _Group(parts[0].servo.family, parts[0].servo.baud, parts, _questions(parts)) for parts in groups.values()
+        ]
 
     def _packets(self, group: _Group) -> list[Exchange[Any]]:
         goals: list[Exchange[Any]] = []
@@ -258,7 +265,7 @@ class Cycle:
             }
             goals += group.family.goals(lowest, self.time)
         packets = goals
-        for _, turn in groupby(_questions(group.parts), key=lambda question: question[1]):
+        for _, turn in groupby(group.asked, key=lambda question: question[1]):
             questions = [question for *_, question in turn]
             groups = joined(questions)
             together = [part for one in groups for part in one.parts]
@@ -328,14 +335,17 @@ class Cycle:
     # Readings
 
     def _ask(self, group: _Group, heard: _Heard) -> Procedure[None]:
-        asked = _questions([part for part in group.parts if part.servo not in self._silent])
+        asked = group.asked
+        if self._silent:
+            asked = [question for question in asked if question[0].servo not in self._silent]
         # Where speeds change servos may have taken what others were told for the start of a packet.
-        again = len({group.baud for group in self._groups}) > 1
+        again = len(self._groups) > 1 and len({group.baud for group in self._groups}) > 1
         came = (yield Batch([question for *_, question in asked], again=again)) if asked else []
         answers: dict[_Part, list[Any]] = {}
         for (part, _, _), answer in zip(asked, came, strict=True):
             answers.setdefault(part, []).append(answer)
-        yield from self._ask_silent(group, heard)
+        if self._silent:
+            yield from self._ask_silent(group, heard)
         for part, found in answers.items():
             self._take(part, found, heard)
         for servo, error in self._silent.items():
@@ -344,7 +354,7 @@ class Cycle:
 
     def _ask_silent(self, group: _Group, heard: _Heard) -> Procedure[None]:
         """Ask those that were silent last time, until one still is: then the others wait for their turn."""
-        due = (yield Now()) >= self._next_try if self._silent else False
+        due = (yield Now()) >= self._next_try
         for servo in list(self._silent):
             part = self._parts[servo]
             if part not in group.parts or not (due or servo in self._fresh):
@@ -401,7 +411,7 @@ class AsyncBusCycle(Awaiting, Cycle):
         return result
 
 
-def _questions(parts: Sequence[_Part]) -> list[tuple[_Part, int, Exchange[bytes]]]:
+def _questions(parts: Sequence[_Part]) -> list[Question]:
     """Give the first question to each servo, then the second to each, and so on: no servo is asked twice in a row."""
     most = max((len(part.questions) for part in parts), default=0)
     return [(part, n, part.questions[n]) for n in range(most) for part in parts if n < len(part.questions)]

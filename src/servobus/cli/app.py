@@ -53,6 +53,9 @@ VERBS: dict[str, dict[str, tuple[str, str]]] = {
         "play": ("robots.play:play", "Play a motion of a robot."),
         "teleop": ("robots.teleop:teleop", "Let one robot lead another."),
     },
+    "Share": {
+        "serve": ("serve:serve", "Own ports: pages, an API, and programs side by side."),
+    },
     "Virtual servos": {
         "virtual": ("virtual:virtual", "Be servos, on a virtual port."),
         "replay": ("replay:replay", "Play a recording into virtual servos."),

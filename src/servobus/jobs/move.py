@@ -28,6 +28,21 @@ ATTENTION = 0.05
 """s between two words to the watchdog while it cannot have arrived yet: well within the time-out of most."""
 
 
+class Wording:
+    """What servos and their angles are called in the errors of a move; a robot speaks of its joints instead."""
+
+    def name(self, target: KnownServo) -> str:
+        """Call a servo by a name."""
+        return str(target)
+
+    def angle(self, target: KnownServo, angle: float) -> str:
+        """Write an angle of a servo, rad."""
+        return target.model.register("goal_position").show(angle)
+
+    def tell(self, target: KnownServo, error: ServobusError) -> None:
+        """Say in an error which servo it came of; packets name the id of theirs."""
+
+
 class PlannedMove:
     """A move of several servos, and how far it has come once it has started.
 
@@ -39,11 +54,17 @@ class PlannedMove:
     """
 
     def __init__(
-        self, axes: Sequence[AxisMove], without_torque: Sequence[KnownServo] = (), *, starts: Sequence[int]
+        self,
+        axes: Sequence[AxisMove],
+        without_torque: Sequence[KnownServo] = (),
+        *,
+        starts: Sequence[int],
+        wording: Wording | None = None,
     ) -> None:
         """Plan a way for each servo; `starts` are the raw positions of the servos now."""
         self.axes, self.without_torque = tuple(axes), tuple(without_torque)
         self._starts = tuple(starts)
+        self.wording = wording or Wording()
         self.legs = _legs(self.axes, starts)
         self.began: float | None = None
         self.sent = 0
@@ -65,7 +86,7 @@ class PlannedMove:
         ]
         for axis in axes:
             axis.target.model.family.check_axis(axis)
-        return PlannedMove(axes, self.without_torque, starts=self._starts)
+        return PlannedMove(axes, self.without_torque, starts=self._starts, wording=self.wording)
 
     @property
     def given_up(self) -> bool:
@@ -102,13 +123,18 @@ def _longest(target: KnownServo) -> float:
 
 
 def plan(
-    goals: Mapping[KnownServo, float], *, time: float | None = None, speed: float | None = None
+    goals: Mapping[KnownServo, float],
+    *,
+    time: float | None = None,
+    speed: float | None = None,
+    wording: Wording | None = None,
 ) -> Procedure[PlannedMove]:
     """Check a move of one servo or several that start together and arrive together; nothing moves yet.
 
     goals   servo -> angle in rad, servos of any families, at any speeds
     time    seconds the move takes, or
     speed   rad/s of the servo that has the longest way; DEFAULT_SPEED if neither is given
+    wording what servos are called in errors
 
     A way that takes longer than a servo can be told at once is made in legs, which whoever waits sends.
 
@@ -127,15 +153,20 @@ def plan(
     distances: dict[KnownServo, float] = {}
     starts: dict[KnownServo, int] = {}
     without_torque = []
+    wording = wording or Wording()
     for target in _by_kind(raw):
         yield SetBaud(target.baud)
-        motion_status = yield from target.model.family.motion_status(target)
-        if motion_status.shutdown:
-            raise no_torque(target, motion_status.shutdown)
-        if not motion_status.torque or target.record.restarted:
-            without_torque.append(target)
-        distances[target] = check_goal(target, motion_status, raw[target])
-        starts[target] = raw_position(target, motion_status)
+        try:
+            motion_status = yield from target.model.family.motion_status(target)
+            if motion_status.shutdown:
+                raise no_torque(target, motion_status.shutdown)
+            if not motion_status.torque or target.record.restarted:
+                without_torque.append(target)
+            distances[target] = check_goal(target, motion_status, raw[target])
+            starts[target] = raw_position(target, motion_status)
+        except ServobusError as error:
+            wording.tell(target, error)
+            raise
     slowed = min(target.permit.speed_factor for target in goals)
     if time is None:
         time = max(max(distances.values()) / (speed or DEFAULT_SPEED), SHORTEST)
@@ -145,7 +176,10 @@ def plan(
     for axis in axes:
         axis.target.model.family.check_axis(axis)
     return PlannedMove(
-        axes, [target for target in raw if target in without_torque], starts=[starts[target] for target in raw]
+        axes,
+        [target for target in raw if target in without_torque],
+        starts=[starts[target] for target in raw],
+        wording=wording,
     )
 
 
@@ -300,34 +334,36 @@ def _wait_axis(
     while True:
         target.permit.attend()
         given_up = target.permit.given_up
-        moving, here, there = yield from _look(axis, tolerance)
+        moving, angle, there = yield from _look(move, axis, tolerance)
         if there:
             return
-        row = target.model.register("goal_position")
-        goal = row.show(row.decode(axis.goal))
+        name, here = move.wording.name(target), move.wording.angle(target, angle)
+        goal = move.wording.angle(target, target.model.register("goal_position").decode(axis.goal))
         if given_up:
-            raise Stopped(
-                f"{target} is at {here} and goes to {goal} no more: it was stopped or its torque switched off"
-            )
+            raise Stopped(f"{name} is at {here} and goes to {goal} no more: it was stopped or its torque switched off")
         now = yield Now()
         if now >= end:
             within = "" if timeout is None else f" within the timeout of {timeout:g} s"
-            late = MoveTimeout(f"{target} is at {here} and did not reach {goal}{within}")
+            late = MoveTimeout(f"{name} is at {here} and did not reach {goal}{within}")
             if now < move.arrival + (GRACE if moving else 0.0):
                 raise _told(late, "it is still on its way")
             yield from _fail(move, late)
         yield Pause(min(end - now, LOOK), shared=True)
 
 
-def _look(axis: AxisMove, tolerance: float) -> Procedure[tuple[bool, str, bool]]:
-    """Look at one servo: whether it moves, where it is, and whether it stands near its goal."""
+def _look(move: PlannedMove, axis: AxisMove, tolerance: float) -> Procedure[tuple[bool, float, bool]]:
+    """Look at one servo: whether it moves, where it is, rad, and whether it stands near its goal."""
     target = axis.target
     row = target.model.register("present_position")
     yield SetBaud(target.baud)
-    moving = yield from target.model.family.moving(target)
-    (raw,) = yield from target.model.family.read(target, [row])
-    goal = target.model.register("goal_position").decode(axis.goal)
-    return moving, row.show(row.decode(raw)), not moving and abs(row.decode(raw) - goal) <= tolerance
+    try:
+        moving = yield from target.model.family.moving(target)
+        (raw,) = yield from target.model.family.read(target, [row])
+    except BusError as error:
+        move.wording.tell(target, error)
+        raise
+    here, goal = row.decode(raw), target.model.register("goal_position").decode(axis.goal)
+    return moving, here, not moving and abs(here - goal) <= tolerance
 
 
 def has_ended(move: PlannedMove, *, tolerance: float = 3 * deg) -> Procedure[bool]:
@@ -342,7 +378,7 @@ def has_ended(move: PlannedMove, *, tolerance: float = 3 * deg) -> Procedure[boo
     if now < move.arrival:
         return False
     for axis in move.axes:
-        *_, there = yield from _look(axis, tolerance)
+        *_, there = yield from _look(move, axis, tolerance)
         if not there:
             return False
     yield from _end(move)
@@ -378,9 +414,9 @@ def _fail(move: PlannedMove, why: ServobusError) -> Procedure[NoReturn]:
         try:
             state = yield from _stay(axis.target)
         except BusError as error:
-            said.append(f"{axis.target} cannot be reached and may go on ({error})")
+            said.append(f"{move.wording.name(axis.target)} cannot be reached and may go on ({error})")
         else:
-            said += [f"{axis.target} {state}"] if state else []
+            said += [f"{move.wording.name(axis.target)} {state}"] if state else []
     yield from _end(move)
     held = "it stays where it is" if len(move.axes) == 1 else "all stay where they are"
     raise _told(why, "; ".join(said) or held)

@@ -8,7 +8,7 @@ from typing import TypeVar
 from servobus.errors import PortError
 from servobus.link.base import BaseLink
 from servobus.link.ownership import LineOwnership, Turn
-from servobus.link.waits import Receive, Waits
+from servobus.link.waits import Receive, Rest, Waits
 from servobus.transports.base import Transport
 
 T = TypeVar("T")
@@ -17,15 +17,17 @@ SLICE = 0.05
 """s after which a pause looks whether the line was taken over: a stop must not wait for the end of a long pause."""
 
 
-def run_blocking(link: BaseLink, waits: Waits[T], line: LineOwnership, turn: Turn) -> T:
-    """Wait as asked until the job is done; give its result.
+def run_blocking(
+    link: BaseLink, waits: Waits[T], line: LineOwnership, turn: Turn, wait: Receive | Rest | None = None
+) -> T:
+    """Wait as asked until the job is done; give its result. `wait` is where a job stands that was begun before.
 
     In shared pauses the turn gives way. Raises Stopped if the line was taken over meanwhile.
     """
     transport = link.transport
     heard = b""
     try:
-        wait = next(waits)
+        wait = wait or next(waits)
         while True:
             if isinstance(wait, Receive):
                 try:

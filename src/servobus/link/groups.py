@@ -29,7 +29,9 @@ class Groups:
 
     def make(self, exchanges: Sequence[Exchange[Any]]) -> list[GroupExchange[Any]]:
         """Make groups of those that can be joined, and have not shown that they do not answer so."""
-        return joined([one for one in exchanges if self._missed[one.framing, one.id] < ENOUGH])
+        return joined(
+            [one for one in exchanges if one.joins is not None and self._missed[one.framing, one.id] < ENOUGH]
+        )
 
     def learn(self, group: GroupExchange[Any], outcomes: Sequence[Any]) -> None:
         """Take note of who answered in a group, and who was the first of those that did not."""

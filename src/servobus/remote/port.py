@@ -49,11 +49,14 @@ class RemotePort(Transport):
     address  where it is
     name     what the server tells people of this client; that of the program by default
     session  id of a session that this port belongs to; it has one of its own by default
+    token    what lets it in; that of the environment, or of the runtime file of a server here, by default
     """
 
     remote = True
 
-    def __init__(self, address: Address, *, name: str = "", session: str = "", deadman: float = DEADMAN) -> None:
+    def __init__(
+        self, address: Address, *, name: str = "", session: str = "", deadman: float = DEADMAN, token: str = ""
+    ) -> None:
         self.name = str(address)
         self.address = address
         self.baud = FIRST_BAUD
@@ -62,6 +65,7 @@ class RemotePort(Transport):
         """The name of the bus as it stands in a line."""
         self.welcome: Welcome
         """What the server said at first."""
+        self._token = token
         self._hello = Hello("", name or _program(), "program", deadman, session)
         self._socket: socket.socket | None = None
         self._wait: Callable[[float], Any] = _nothing
@@ -177,7 +181,7 @@ class RemotePort(Transport):
     # The connection
 
     def _open(self) -> None:
-        host, port, token = where(self.address)
+        host, port, token = (self.address.host, self.address.port, self._token) if self._token else where(self.address)
         try:
             own = socket.create_connection((host, port), CONNECT)
         except OSError as error:

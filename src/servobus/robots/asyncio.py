@@ -25,7 +25,7 @@ from servobus.robots.file.entries import JointEntry, RobotFile
 from servobus.robots.joints.attendance import refuse
 from servobus.robots.joints.joint import Part
 from servobus.robots.joints.move import JointMove
-from servobus.robots.ports import Ports
+from servobus.robots.ports import AsyncOnPorts, Ports
 from servobus.robots.steps import RobotJob, Together
 
 if TYPE_CHECKING:
@@ -39,11 +39,12 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class AsyncPorts(Ports[AsyncBus]):
+class AsyncPorts(Awaiting, Ports[AsyncBus]):
     """The ports of an asynchronous robot."""
 
-    async def do(self, job: RobotJob[T], priority: Priority) -> T:
+    async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
         """Carry out a job of the robot; see `BlockingPorts.do`."""
+        self.check_open()
         answer: Any = None
         try:
             while True:
@@ -131,16 +132,12 @@ class AsyncRobotMove:
         return self
 
 
-class AsyncRobotJoint(Awaiting, JointVerbs):
+class AsyncRobotJoint(AsyncOnPorts, JointVerbs):
     """A joint of an asynchronous robot."""
 
     def __init__(self, ports: AsyncPorts, entry: JointEntry, parts: tuple[Part, ...]) -> None:
         self._ports = ports
         super().__init__(entry, parts)
-
-    async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of the robot."""
-        return await self._ports.do(job, priority)
 
     def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> AsyncRobotMove:
         """Move to an angle in rad; nothing happens until the result is awaited. See `Robot.move`."""
@@ -148,17 +145,13 @@ class AsyncRobotJoint(Awaiting, JointVerbs):
         return joints.move({self.name: angle}, time=time, speed=speed)
 
 
-class AsyncRobotJoints(Awaiting, JointSet[AsyncRobotJoint]):
+class AsyncRobotJoints(AsyncOnPorts, JointSet[AsyncRobotJoint]):
     """Joints of an asynchronous robot that are asked and moved together."""
 
     def __init__(self, ports: AsyncPorts, joints: Mapping[str, AsyncRobotJoint]) -> None:
-        self._ports = ports
+        self._ports: AsyncPorts = ports
         super().__init__(joints)
         self._close()
-
-    async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of the robot."""
-        return await self._ports.do(job, priority)
 
     def move(
         self, goals: Any = None, /, *, time: float | None = None, speed: float | None = None, **angles: float
@@ -182,7 +175,7 @@ class AsyncRobotJoints(Awaiting, JointSet[AsyncRobotJoint]):
         """Prepare a control cycle; nothing is sent. See `Robot.cycle`."""
         from servobus.robots.joints.cycle import AsyncRobotCycle  # noqa: PLC0415 - only control loops need it
 
-        return AsyncRobotCycle(self, self._ports, list(self), read, time)
+        return AsyncRobotCycle(self._ports, list(self), read, time)
 
     @asynccontextmanager
     async def torque(self) -> AsyncIterator[Self]:
@@ -216,11 +209,13 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         await self._stack.__aexit__(kind, error, trace)
+        self.close()
 
     def close(self) -> None:
         """Give the ports back. Torque stays as it is."""
         for bus in self.buses.values():
             bus.close()
+        self._ports.closed = True
 
     def play(
         self, motion: "str | Motion | Trajectory", *, rate: float = 100.0, loop: bool | None = None
@@ -228,20 +223,20 @@ class AsyncRobot(AsyncRobotJoints, BaseRobot[AsyncRobotJoint, AsyncBus]):
         """Prepare a motion; nothing is sent yet. See `Robot.play`."""
         from servobus.robots.motions.play import AsyncPlay  # noqa: PLC0415 - not every program plays motions
 
-        return AsyncPlay(self, self._ports, list(self), self.motion(motion), rate, loop=loop)
+        return AsyncPlay(self._ports, list(self), self.motion(motion), rate, loop=loop)
 
     def follow(self, *joints: str, rate: float = 100.0, jerk: float | None = None) -> "AsyncFollow":
         """Prepare joints to be given new goals while they move; nothing is sent yet. See `Robot.follow`."""
         from servobus.robots.motions.follow import AsyncFollow  # noqa: PLC0415 - not every program gives goals in flight
 
-        return AsyncFollow(self, self._ports, self.named(*joints), rate, jerk)
+        return AsyncFollow(self._ports, self.named(*joints), rate, jerk)
 
     def teach(self, *joints: str, rate: float = 50.0, keep: str | PathLike[str] | None = None) -> "AsyncTeach":
         """Prepare a recording of joints that are moved by hand; nothing is sent yet. See `Robot.teach`."""
         from servobus.robots.motions.teach import AsyncTeach  # noqa: PLC0415 - not every program teaches
 
         path = None if keep is None else Path(fspath(keep))
-        return AsyncTeach(self, self._ports, self.named(*joints), rate, path, named=bool(joints))
+        return AsyncTeach(self._ports, self.named(*joints), rate, path, named=bool(joints))
 
     async def make_safe(self, action: SafeAction | None = None, *, interrupt: bool = False) -> None:
         """Run the safe action, or this one, of each joint that this robot has switched on or set in motion."""

@@ -15,7 +15,7 @@ from servobus.robots.file.entries import JointEntry, RobotFile
 from servobus.robots.joints import attendance, jobs, move
 from servobus.robots.joints.attendance import Attendance, Sought
 from servobus.robots.joints.jobs import JointState
-from servobus.robots.joints.joint import Joint, Part, parts_of
+from servobus.robots.joints.joint import Joint, Part, check_meant, parts_of
 from servobus.robots.joints.move import JointMove
 from servobus.robots.joints.protection import Protections
 from servobus.robots.ports import Ports
@@ -97,6 +97,9 @@ class JointSet(Closed, Generic[J]):
     def __len__(self) -> int:
         return len(self.joints)
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {', '.join(self.joints)}>"
+
     def __contains__(self, joint: object) -> bool:
         return joint in self.joints or any(one is joint for one in self)
 
@@ -112,7 +115,11 @@ class JointSet(Closed, Generic[J]):
         return [joint for name, joint in self.joints.items() if name in wanted]
 
     def _servos(self) -> dict[str, list[Any]]:
-        """Sort the servos of these joints by port: port -> servos, which are those of its bus."""
+        """Sort the servos of these joints by port: port -> servos, which are those of its bus.
+
+        Raises RobotMismatch where another servo answers than that of the file.
+        """
+        check_meant(self)
         return jobs.on_each_port(self, lambda parts: [part.servo for part in parts])
 
     @property
@@ -227,10 +234,21 @@ class BaseRobot(JointSet[J], Generic[J, B]):
         self.groups = {
             name: group(ports, {member: self[member] for member in members}) for name, members in file.groups.items()
         }
-        self.attendance = Attendance(file.name, ())
-        """What was found when it was last compared with its file."""
+        self._attendance = Attendance(file.name, ())
         self._protections = Protections(list(self))
         self._close()
+
+    @property
+    def attendance(self) -> Attendance:
+        """What was found when it was last compared with its file."""
+        return self._attendance
+
+    @attendance.setter
+    def attendance(self, found: Attendance) -> None:
+        self._attendance = found
+        mistaken = found.mistaken
+        for joint in self:
+            joint.mistaken = mistaken.get(joint.name, "")
 
     @property
     def buses(self) -> dict[str, B]:

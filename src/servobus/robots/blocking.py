@@ -11,18 +11,16 @@ from contextlib import ExitStack, contextmanager
 from os import PathLike, fspath
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self
 
 from servobus.bus.blocking import Bus
-from servobus.core.operation import Blocking, Priority
 from servobus.core.registers import Register
 from servobus.families.record import SafeAction
 from servobus.robots.base import BaseRobot, JointSet, JointVerbs
 from servobus.robots.file.entries import JointEntry, RobotFile
 from servobus.robots.joints.joint import Part
 from servobus.robots.joints.move import JointMove
-from servobus.robots.ports import BlockingPorts
-from servobus.robots.steps import RobotJob
+from servobus.robots.ports import BlockingPorts, OnPorts
 
 if TYPE_CHECKING:
     from servobus.robots.joints.cycle import BlockingRobotCycle
@@ -31,8 +29,6 @@ if TYPE_CHECKING:
     from servobus.robots.motions.play import BlockingPlay
     from servobus.robots.motions.teach import BlockingTeach
     from servobus.robots.trajectory.path import Trajectory
-
-T = TypeVar("T")
 
 
 class RobotMove:
@@ -67,16 +63,12 @@ class RobotMove:
         return f"<RobotMove {self.planned}: {'ended' if self.planned.over else 'under way'}>"
 
 
-class RobotJoint(Blocking, JointVerbs):
+class RobotJoint(OnPorts, JointVerbs):
     """A joint of a blocking robot."""
 
     def __init__(self, ports: BlockingPorts, entry: JointEntry, parts: tuple[Part, ...]) -> None:
         self._ports = ports
         super().__init__(entry, parts)
-
-    def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of the robot."""
-        return self._ports.do(job, priority)
 
     def move(self, angle: float, *, time: float | None = None, speed: float | None = None) -> RobotMove:
         """Start a move to an angle in rad and give a handle to wait for its end; see `Robot.move`."""
@@ -84,17 +76,13 @@ class RobotJoint(Blocking, JointVerbs):
         return RobotMove(joints, self.start_move(angle, time=time, speed=speed))
 
 
-class RobotJoints(Blocking, JointSet[RobotJoint]):
+class RobotJoints(OnPorts, JointSet[RobotJoint]):
     """Joints of a blocking robot that are asked and moved together."""
 
     def __init__(self, ports: BlockingPorts, joints: Mapping[str, RobotJoint]) -> None:
-        self._ports = ports
+        self._ports: BlockingPorts = ports
         super().__init__(joints)
         self._close()
-
-    def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of the robot."""
-        return self._ports.do(job, priority)
 
     def move(
         self, goals: Any = None, /, *, time: float | None = None, speed: float | None = None, **angles: float
@@ -106,8 +94,10 @@ class RobotJoints(Blocking, JointSet[RobotJoint]):
         time    s that the move takes, or
         speed   rad/s of the joint with the longest way; 90°/s if neither is given. No joint exceeds its own `speed`
 
-        The servos run the move by themselves: their acceleration is their own. Everything is checked before anything
-        moves. Raises BadValue outside the limits, TorqueOff, Disagreement or UsageError.
+        The servos run the move by themselves, and speed up as they do. A joint with a limit of acceleration gets at
+        least the time of its quickest move that keeps it; `play` keeps it at every instant. Everything is checked
+        before anything moves. Raises BadValue outside the limits or for too short a time, TorqueOff, Disagreement or
+        UsageError.
         """
         return RobotMove(self, self.start_move(goals, time=time, speed=speed, **angles))
 
@@ -123,7 +113,7 @@ class RobotJoints(Blocking, JointSet[RobotJoint]):
         """
         from servobus.robots.joints.cycle import BlockingRobotCycle  # noqa: PLC0415 - only control loops need it
 
-        return BlockingRobotCycle(self, self._ports, list(self), read, time)
+        return BlockingRobotCycle(self._ports, list(self), read, time)
 
     @contextmanager
     def torque(self) -> Iterator[Self]:
@@ -174,7 +164,7 @@ class Robot(RobotJoints, BaseRobot[RobotJoint, Bus]):
         """
         from servobus.robots.motions.play import BlockingPlay  # noqa: PLC0415 - not every program plays motions
 
-        return BlockingPlay(self, self._ports, list(self), self.motion(motion), rate, loop=loop)
+        return BlockingPlay(self._ports, list(self), self.motion(motion), rate, loop=loop)
 
     def follow(self, *joints: str, rate: float = 100.0, jerk: float | None = None) -> "BlockingFollow":
         """Prepare joints, by default all, to be given new goals while they move; see servobus.robots.motions.follow.
@@ -186,7 +176,7 @@ class Robot(RobotJoints, BaseRobot[RobotJoint, Bus]):
         """
         from servobus.robots.motions.follow import BlockingFollow  # noqa: PLC0415 - not every program gives goals in flight
 
-        return BlockingFollow(self, self._ports, self.named(*joints), rate, jerk)
+        return BlockingFollow(self._ports, self.named(*joints), rate, jerk)
 
     def teach(self, *joints: str, rate: float = 50.0, keep: str | PathLike[str] | None = None) -> "BlockingTeach":
         """Prepare a recording of joints that are moved by hand; see servobus.robots.motions.teach. Nothing is sent yet.
@@ -200,7 +190,7 @@ class Robot(RobotJoints, BaseRobot[RobotJoint, Bus]):
         from servobus.robots.motions.teach import BlockingTeach  # noqa: PLC0415 - not every program teaches
 
         path = None if keep is None else Path(fspath(keep))
-        return BlockingTeach(self, self._ports, self.named(*joints), rate, path, named=bool(joints))
+        return BlockingTeach(self._ports, self.named(*joints), rate, path, named=bool(joints))
 
     def make_safe(self, action: SafeAction | None = None, *, interrupt: bool = False) -> None:
         """Run the safe action, or this one, of each joint that this robot has switched on or set in motion."""

@@ -11,10 +11,11 @@ from servobus.errors import PortError, RobotFileError
 from servobus.robots.base import check_safe
 from servobus.robots.blocking import Robot
 from servobus.robots.file.entries import OPEN_PORT, RobotFile
+from servobus.robots.file.places import from_file
 from servobus.robots.file.reading import read_file
 from servobus.robots.joints.attendance import refuse
 from servobus.transports import usb_adapter
-from servobus.transports.base import Transport
+from servobus.transports.base import MissingPort, Transport
 
 if TYPE_CHECKING:
     from servobus.bus.asyncio import AsyncBus
@@ -32,14 +33,15 @@ def robot(file: str | PathLike[str] | RobotFile, *, incomplete: bool = False) ->
 
     file        the path of a robot file, or one that was read; "virtual:arm.toml" is the same robot on virtual servos
                 in this process, see docs/virtual.md
-    incomplete  whether to open it although servos are missing or are not those of the file; `arm.attendance` says which
+    incomplete  whether to open it although servos are missing or are not those of the file, or ports but not all;
+                `arm.attendance` says which
 
     Raises RobotFileError for a wrong file, PortError for a port that is missing or in use, RobotMismatch where the
     servos that answer are not those of the file.
     """
     contents = _contents(file)
     with ExitStack() as stack:
-        opened = Robot(contents, _opened(contents, stack, Bus))
+        opened = Robot(contents, _opened(contents, stack, Bus, incomplete=incomplete))
         stack.callback(opened.close)
         check_safe(opened)
         refuse(opened.check(strangers="near"), incomplete=incomplete)
@@ -57,7 +59,8 @@ def robot_async(file: str | PathLike[str] | RobotFile, *, incomplete: bool = Fal
 
     contents = _contents(file)
     with ExitStack() as stack:
-        opened = AsyncRobot(contents, _opened(contents, stack, AsyncBus), incomplete=incomplete)
+        buses = _opened(contents, stack, AsyncBus, incomplete=incomplete)
+        opened = AsyncRobot(contents, buses, incomplete=incomplete)
         check_safe(opened)
         stack.pop_all()
     return opened
@@ -74,26 +77,38 @@ def _contents(file: str | PathLike[str] | RobotFile) -> RobotFile:
     return contents
 
 
-def _opened(file: RobotFile, stack: ExitStack, make: Callable[..., B]) -> dict[str, B]:
-    """Open all ports of the file, port -> bus; the stack closes them."""
+def _opened(file: RobotFile, stack: ExitStack, make: Callable[..., B], *, incomplete: bool) -> dict[str, B]:
+    """Open all ports of the file, port -> bus; the stack closes them.
+
+    Where the robot may be incomplete, and another port is there, a port that is not has a bus on which nothing can be
+    asked.
+    """
     transports: Mapping[str, Transport] = {}
     if file.virtual is not None:
         from servobus.robots.virtual.building import virtual_ports  # noqa: PLC0415 - real robots need no virtual servos
 
         transports = virtual_ports(file)
     buses = {}
+    missing: dict[str, PortError] = {}
     for entry in file.ports.values():
         if file.virtual is None:
             try:
-                bus = make(transport(port_path(entry.path), entry.bauds), bauds=entry.bauds, echo=entry.echo)
+                path = from_file(entry.path, None if file.path is None else file.path.parent)
+                bus = make(transport(port_path(path), entry.bauds), bauds=entry.bauds, echo=entry.echo)
             except PortError as error:
-                raise PortError(f"{file.name}: port {entry.name}: {error}") from None
+                if not incomplete:
+                    raise PortError(f"{file.name}: port {entry.name}: {error}") from None
+                missing[entry.name] = error
+                bus = make(MissingPort(entry.path, error), bauds=entry.bauds, echo=entry.echo)
         elif entry.name in transports:
             bus = make(transports[entry.name], bauds=entry.bauds)
         else:
             continue  # no joint is on this port
         stack.callback(bus.close)
         buses[entry.name] = bus
+    if missing and len(missing) == len(buses):
+        name, why = next(iter(missing.items()))
+        raise PortError(f"{file.name}: port {name}: {why}")
     return buses
 
 

@@ -1,6 +1,6 @@
 """The ports of a robot: steps of its jobs carried out on all of them side by side.
 
-On real ports each has a thread of its own for the time of a step, or the tasks of a loop are gathered. Ports of virtual
+On real ports one thread waits for all of them at once, or the tasks of a loop are gathered. Ports of virtual
 servos on a virtual clock are used one after the other, each from the same moment; then those that were done sooner wait
 for the last. So a step takes as long as its longest job on both kinds.
 """
@@ -12,9 +12,10 @@ from typing import Any, Generic, TypeVar
 
 from servobus.bus.base import BaseBus
 from servobus.bus.blocking import Bus
+from servobus.bus.side_by_side import run_side_by_side
 from servobus.core.exchange import Job, Pause
-from servobus.core.operation import Priority
-from servobus.errors import ServobusError, UsageError
+from servobus.core.operation import Awaiting, Blocking, Priority
+from servobus.errors import PortError, ServobusError, UsageError
 from servobus.robots.steps import RobotJob, Together
 
 B = TypeVar("B", bound=BaseBus[Any])
@@ -33,6 +34,13 @@ class Ports(Generic[B]):
         """Whether time passes by itself."""
         self._began = time.monotonic()
         self._behind = {name: bus.transport.now() - self.now() for name, bus in self.buses.items()}
+        self.closed = False
+        """Whether the robot was closed: nothing is asked any more."""
+
+    def check_open(self) -> None:
+        """Raise PortError once the robot was closed; its joints would all count as lost."""
+        if self.closed:
+            raise PortError("this robot is closed; open it anew with servobus.robot(FILE)")
 
     def now(self) -> float:
         """Give the time on the robot's clock, s since it was opened."""
@@ -45,13 +53,15 @@ class Ports(Generic[B]):
         return moment - self._behind[port] if self.real else moment
 
     def align(self, moment: float) -> None:
-        """Let all ports on a virtual clock stand at this moment, unless they are beyond."""
+        """Let all ports on a virtual clock stand at this moment, unless they are beyond; a real one goes by itself."""
+        if self.real:
+            return
         for bus in self.buses.values():
             if (behind := moment - bus.transport.now()) > 0:
                 bus.transport.sleep(behind)
 
 
-class BlockingPorts(Ports[Bus]):
+class BlockingPorts(Blocking, Ports[Bus]):
     """The ports of a blocking robot."""
 
     def __init__(self, buses: Mapping[str, Bus]) -> None:
@@ -60,11 +70,13 @@ class BlockingPorts(Ports[Bus]):
 
     def close(self) -> None:
         """End the threads. What they still do on a line ends by itself."""
+        self.closed = True
         if self._threads is not None:
             self._threads.shutdown(wait=False)
 
-    def do(self, job: RobotJob[T], priority: Priority) -> T:
+    def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
         """Carry out a job of the robot."""
+        self.check_open()
         answer: Any = None
         try:
             while True:
@@ -83,22 +95,19 @@ class BlockingPorts(Ports[Bus]):
             job.close()
 
     def _together(self, jobs: Mapping[str, Job[Any]], priority: Priority) -> dict[str, Any]:
-        def one(port: str, job: Job[Any]) -> Any:
-            try:
-                return self.buses[port].do(job, priority=priority)
-            except ServobusError as error:
-                return error
+        if len(jobs) > 1 and self.real:
+            there = {port: (self.buses[port], job) for port, job in jobs.items()}
+            return run_side_by_side(there, priority, self._begin)
+        self.align(self.now())
+        outcomes = {port: self._one(port, job, priority) for port, job in jobs.items()}
+        self.align(self.now())
+        return outcomes
 
-        if not self.real:
-            self.align(self.now())
-            outcomes = {port: one(port, job) for port, job in jobs.items()}
-            self.align(self.now())
-            return outcomes
-        # One of the jobs is this thread's own: a robot with one port needs no other.
-        (own, own_job), *others = jobs.items()
-        running = [(port, self._begin(one, port, job)) for port, job in others]
-        outcomes = {own: one(own, own_job)}
-        return outcomes | {port: future.result() for port, future in running}
+    def _one(self, port: str, job: Job[Any], priority: Priority) -> Any:
+        try:
+            return self.buses[port].do(job, priority=priority)
+        except ServobusError as error:
+            return error
 
     def _pause(self, seconds: float) -> None:
         if self.real:
@@ -106,7 +115,31 @@ class BlockingPorts(Ports[Bus]):
         else:
             self.align(self.now() + seconds)
 
-    def _begin(self, work: Callable[..., Any], *args: Any) -> "Future[Any]":
+    def _begin(self, work: Callable[[], Any]) -> "Future[Any]":
         if self._threads is None:
             self._threads = ThreadPoolExecutor(len(self.buses), thread_name_prefix="servobus-port")
-        return self._threads.submit(work, *args)
+        return self._threads.submit(work)
+
+
+class OnPorts(Blocking):
+    """What has its jobs carried out on the ports of a blocking robot."""
+
+    _ports: Any
+    """`BlockingPorts`; what is written once for both drivers has ports of either kind."""
+
+    def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
+        """Carry out a job of the robot."""
+        done: T = self._ports.do(job, priority=priority)
+        return done
+
+
+class AsyncOnPorts(Awaiting):
+    """What has its jobs carried out on the ports of an asynchronous robot."""
+
+    _ports: Any
+    """`AsyncPorts`, which stand elsewhere, since asyncio is slow to import."""
+
+    async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
+        """Carry out a job of the robot."""
+        done: T = await self._ports.do(job, priority=priority)
+        return done

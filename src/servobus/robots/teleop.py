@@ -29,7 +29,7 @@ from servobus.robots.joints.joint import Joint
 from servobus.robots.motions.leading import Lead, Leading, Phase
 from servobus.robots.motions.stream import Streamed
 from servobus.robots.motions.turns import AsyncTurns, BlockingTurns, Seen
-from servobus.robots.ports import BlockingPorts
+from servobus.robots.ports import BlockingPorts, Ports
 from servobus.robots.steps import RobotJob, Together
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ class Leadership(Streamed[TeleopTick]):
 
     def __init__(
         self,
-        clock: Callable[[], float],
+        ports: Ports[Any],
         leader: AnyRobot,
         follower: AnyRobot,
         joints: Mapping[str, str | Lead] | None = None,
@@ -116,7 +116,7 @@ class Leadership(Streamed[TeleopTick]):
     ) -> None:
         leads = _leads(leader, follower, joints)
         super().__init__(follower.ports, [joint for joint in follower if joint.name in leads], rate)
-        self._clock = clock
+        self._ports = ports  # those of both robots
         self.leader, self.follower = leader, follower
         self.deadman = deadman
         self._read: list[Joint] = [leader[name] for name in dict.fromkeys(lead.leader for lead in leads.values())]
@@ -137,7 +137,7 @@ class Leadership(Streamed[TeleopTick]):
     def begin(self) -> RobotJob[None]:
         """Make sure that the leader is limp and the follower has torque. Nothing moves yet."""
         states = (yield from _of(LEADER, jobs.look(self._read))).complete()
-        if stiff := [name for name, state in states.items() if state.torque]:
+        if stiff := [name for name, state in states.items() if not state.limp]:
             raise MotionError(
                 f"{', '.join(stiff)}: the torque of the leader is on, so nobody could move it; hold the leader, and "
                 "switch it off"
@@ -177,12 +177,7 @@ class Teleop(BlockingTurns[TeleopTick], Leadership):
     def __init__(
         self, leader: Robot, follower: Robot, joints: Mapping[str, str | Lead] | None = None, **options: Any
     ) -> None:
-        self._ports = BlockingPorts(_both(leader, follower))
-        super().__init__(self, self._ports.now, leader, follower, joints, **options)
-
-    def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of both robots."""
-        return self._ports.do(job, priority)
+        super().__init__(BlockingPorts(_both(leader, follower)), leader, follower, joints, **options)
 
 
 class AsyncTeleop(AsyncTurns[TeleopTick], Leadership):
@@ -197,12 +192,7 @@ class AsyncTeleop(AsyncTurns[TeleopTick], Leadership):
     ) -> None:
         from servobus.robots.asyncio import AsyncPorts  # noqa: PLC0415 - asyncio is slow to import
 
-        self._ports = AsyncPorts(_both(leader, follower))
-        super().__init__(self, self._ports.now, leader, follower, joints, **options)
-
-    async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of both robots."""
-        return await self._ports.do(job, priority)
+        super().__init__(AsyncPorts(_both(leader, follower)), leader, follower, joints, **options)
 
 
 def _leads(leader: AnyRobot, follower: AnyRobot, joints: Mapping[str, str | Lead] | None) -> dict[str, Lead]:

@@ -23,7 +23,7 @@ class ByJoint(Mapping[str, V], Generic[V]):
 
     def __getitem__(self, joint: str) -> V:
         if joint in self.lost:
-            raise self.lost[joint]
+            raise self._error(joint)
         return self._values[joint]
 
     def __contains__(self, joint: object) -> bool:
@@ -37,13 +37,19 @@ class ByJoint(Mapping[str, V], Generic[V]):
 
     def complete(self) -> Self:
         """Give these values if those of all joints could be read. Raises what came instead of the first one else."""
-        for error in self.lost.values():
-            raise error
+        for joint in self.lost:
+            raise self._error(joint)
         return self
 
+    def _error(self, joint: str) -> ServobusError:
+        """Give the error of a joint that is lost, with its name: packets name ids alone, and each port has its own."""
+        error = self.lost[joint].copy()
+        error.tell_whose(joint)
+        return error
+
     def __repr__(self) -> str:
-        lost = f", lost: {', '.join(self.lost)}" if self.lost else ""
-        return f"{{{', '.join(f'{name}: {value!r}' for name, value in self._values.items())}{lost}}}"
+        said = [f"{name!r}: {value!r}" for name, value in self._values.items()]
+        return f"{{{', '.join([*said, *(f'{name!r}: lost' for name in self.lost)])}}}"
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
         """Give the values as a numpy array. Raises ImportError where numpy is not installed."""

@@ -84,3 +84,23 @@ class Transport(ABC):
     def sleep(self, seconds: float) -> None:
         """Let time pass."""
         time.sleep(seconds)
+
+
+class MissingPort(Transport):
+    """Stands in the place of a port that could not be opened: whoever asks something of it is told why."""
+
+    def __init__(self, name: str, why: PortError) -> None:
+        self.name, self.baud = name, 0
+        self._why = str(why)
+
+    def write(self, data: bytes) -> None:  # noqa: ARG002 - nothing is sent
+        raise PortError(self._why)
+
+    def read(self, timeout: float) -> bytes:  # noqa: ARG002 - nothing can come
+        raise PortError(self._why)
+
+    def set_baud(self, baud: int) -> None:  # noqa: ARG002 - there is nothing that has a speed
+        raise PortError(self._why)
+
+    def close(self) -> None:
+        """There is nothing to give back."""

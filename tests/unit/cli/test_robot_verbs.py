@@ -188,6 +188,22 @@ def test_what_is_missing_is_not_moved_and_the_others_can_be(run: Run, refused: C
 # Poses
 
 
+def test_torque_of_joints_on_and_off(run: Run, refused: Callable[..., str], arm: Path) -> None:
+    assert run("robot", "torque", arm, "on", "grip", "base").stdout == "torque on: base, grip\n"
+    assert run("robot", "torque", arm, "off").stdout == f"torque off: {', '.join(JOINTS)}\n"
+    said = json.loads(run("robot", "torque", arm, "on", "base", "--json").stdout)
+    assert said == {"torque": True, "joints": ["base"]}
+    arm.write_text(LIVE.replace("drs0602@1-2", "drs0602@2"))
+    assert "elbow is missing" in refused("robot", "torque", arm, "on")
+    assert refused("robot", "torque", arm, "off").startswith("servobus: elbow: ")
+
+
+def test_joints_are_stopped(run: Run, arm: Path) -> None:
+    limp = "it drives nothing: its torque was off"
+    assert run("robot", "stop", arm).stdout == "".join(f"{name}: {limp}\n" for name in JOINTS)
+    assert json.loads(run("robot", "stop", arm, "grip", "--json").stdout) == {"grip": {"held": False, "done": limp}}
+
+
 def test_a_pose_is_saved_with_all_comments(run: Run, arm: Path) -> None:
     run("pose", "save", arm, "here")
     text = arm.read_text()
@@ -242,7 +258,7 @@ def test_a_pose_is_undone(run: Run, refused: Callable[..., str], arm: Path) -> N
 
 def test_joints_and_poses_are_offered(arm: Path) -> None:
     assert offered("robot", "move", str(arm), "e") == ["elbow="]
-    assert offered("pose", "go", str(arm), "") == ["home", "open"]
+    assert offered("pose", "go", str(arm), "") == ["home", "open", "up"]
     assert offered("pose", "save", str(arm), "new", "gr") == ["grip"]
     assert offered("pose", "") == ["save", "go", "list"]
 

@@ -13,18 +13,18 @@ from hypothesis import strategies as st
 
 import servobus
 from servobus import BadValue, Bus, Disagreement, NoReply, RobotFileError, TorqueOff, UnknownName, UsageError, deg
-from servobus.errors import PortError, RobotMismatch
+from servobus.errors import MotionError, MoveTimeout, PortError, RobotMismatch, Stopped
 from servobus.families import registry
 from servobus.jobs.scan import ScanProgress
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_text
-from servobus.robots.joints.attendance import ids_to_ask
+from servobus.robots.joints.attendance import Attendance, ids_to_ask
+from servobus.robots.teleop import Teleop
 from servobus.virtual.serve.inprocess import VirtualPort
 from servobus.virtual.serve.rig import build_rig
 from servobus.virtual.serve.spec import parse_url
-from unit.robots.arms import JOINTS
+from unit.robots.arms import JOINTS, goals_in, opened, port_of, servos_of, shaft_angles
 from unit.robots.arms import LIVE as SIX
-from unit.robots.played_arm import goals_in, opened, port_of, servos_of, shaft_angles
 
 STEP = 0.35 * deg
 """The coarsest step of a servo here, 300° / 1023 and 240° / 1000, and a little of noise."""
@@ -182,7 +182,8 @@ def test_all_start_and_arrive_together(stiff: Robot) -> None:
 
 def test_a_move_without_a_time_keeps_the_speed_of_each_joint(stiff: Robot) -> None:
     stiff.move(rad(HOME), time=2.0).wait()
-    assert stiff.plan_move(lift=70 * deg).duration == pytest.approx(60 / 90, rel=0.05)
+    # With limits of acceleration and jerk a way d takes d / V + V / A + A / J.
+    assert stiff.plan_move(lift=70 * deg).duration == pytest.approx(60 / 90 + 90 / 400 + 400 / 8000, rel=0.05)
     assert stiff.plan_move(base=80 * deg, lift=11 * deg).duration == pytest.approx(80 / 90, rel=0.05)
     assert stiff.plan_move(base=80 * deg, speed=300 * deg).duration == pytest.approx(80 / 120, rel=0.05)
     with pytest.raises(BadValue, match=r"base: .* is faster than its 120\.0°/s; give it 6"):
@@ -191,6 +192,24 @@ def test_a_move_without_a_time_keeps_the_speed_of_each_joint(stiff: Robot) -> No
         stiff.move(base=0, time=1, speed=1)
     with pytest.raises(UsageError, match="a move of no joints"):
         stiff.move()
+
+
+def test_a_move_has_time_for_the_acceleration_of_each_joint() -> None:
+    text = SIX.replace("# acceleration", "acceleration").replace(
+        'limits = ["-70deg", "100deg"]', 'limits = ["-70deg", "100deg"]\nacceleration = "100deg/s2"\njerk = "400deg/s3"'
+    )
+    with servobus.robot(read_text(text)) as arm:
+        start = arm.base.position()
+        # From rest to rest a way d takes d / V + V / A, and 2 √(d / A) where V is not reached.
+        assert arm.plan_move(base=start + 80 * deg).duration == pytest.approx(80 / 120 + 120 / 400, rel=0.02)
+        assert arm.plan_move(base=start + 9 * deg, speed=300 * deg).duration == pytest.approx(2 * 0.15, rel=0.05)
+        # With jerk, where A is not reached: 4 ∛(d / 2J).
+        way = arm.wrist.position() + 4 * deg
+        assert arm.plan_move(wrist=way, speed=300 * deg).duration == pytest.approx(4 * (4 / 800) ** (1 / 3), rel=0.05)
+        with pytest.raises(BadValue, match=r"base: 80.* in 900 ms is faster than its 400\.0°/s²; give it 967"):
+            arm.plan_move(base=start + 80 * deg, time=0.9)
+        with pytest.raises(BadValue, match=r"base: 80.* is faster than its 120\.0°/s; give it"):
+            arm.plan_move(base=start + 80 * deg, time=0.5)
 
 
 @pytest.mark.parametrize(
@@ -314,8 +333,35 @@ def test_a_joint_that_is_lost_on_the_way_is_told(stiff: Robot) -> None:
     move = stiff.move(rad(OTHER), time=2.0)
     pass_time(stiff, 0.3)
     unplug(stiff, "elbow")
-    with pytest.raises(NoReply, match="id 1"):
+    with pytest.raises(NoReply, match=r"^elbow: .*id 1"):
         move.wait()
+
+
+def test_errors_speak_of_joints_and_their_angles(stiff: Robot) -> None:
+    """Each port may have a servo with id 1, and its angle is not that of the joint."""
+    stiff.move(rad(HOME), time=2.0).wait()
+    move = stiff.move(base=60 * deg, time=2.0)
+    pass_time(stiff, 0.5)
+    stiff.base.stop()
+    with pytest.raises(Stopped, match=r"^base is at [0-9.]+° and goes to 60\.\d° no more"):
+        move.wait()
+    block(stiff, "elbow", 0)
+    move = stiff.move(elbow=-20 * deg, time=1.0)
+    with pytest.raises(MoveTimeout, match=r"^elbow is at 20\.\d° and did not reach -20\.\d°"):
+        move.wait()
+    unplug(stiff, "wrist")
+    for ask in (stiff.wrist.position, stiff.wrist.look, stiff.torque_off, lambda: stiff.move(wrist=0.1)):
+        with pytest.raises(NoReply, match=r"^wrist: .*id 1"):
+            ask()
+    assert repr(stiff.positions()).endswith("'wrist': lost}")
+
+
+def test_a_robot_that_was_closed_says_so() -> None:
+    with opened(SIX) as arm:
+        cycle, play = arm.cycle(), arm.play("wave")
+    for ask in (arm.positions, arm.look, arm.check, arm.stop, arm.base.position, cycle.run, play.wait):
+        with pytest.raises(PortError, match="this robot is closed; open it anew"):
+            ask()
 
 
 # Two servos on one axis
@@ -460,11 +506,68 @@ def test_who_is_there_is_compared_with_the_file(
         servobus.robot(read_text(text)).close()
 
 
+@pytest.mark.parametrize("bad", ["mx28@1,ax12a@2", "ax12a@1,rx28@2"])
+def test_a_joint_that_another_servo_answers_for_is_neither_read_nor_driven(bad: str) -> None:
+    """An MX-28 tells 4096 steps a turn, so its angles would be wrong by a factor of three."""
+    with servobus.robot(read_text(TWO.replace("rx28@1,ax12a@2", bad)), incomplete=True) as arm:
+        port = arm.buses["main"].transport
+        assert isinstance(port, VirtualPort)
+        shafts = [servo.shaft.position for servo in port.servos]
+        assert "one" in arm.positions().lost
+        assert "one" in arm.look().lost
+        cycle = arm.cycle()
+        assert "one" in cycle.run().lost
+        attempts: list[Callable[[], object]] = [
+            arm.torque_on,
+            arm.one.torque_on,
+            lambda: arm.torque().__enter__(),
+            lambda: arm.move(one=0.1),
+            lambda: arm.one.move(0.1),
+            lambda: cycle.run(one=0.1),
+            lambda: arm.follow("one").wait(),
+            lambda: arm.teach().wait(),
+            arm.one.position,
+        ]
+        for attempt in attempts:
+            with pytest.raises(RobotMismatch, match=r"one: id 1 on port main is .*; until then it is neither read nor"):
+                attempt()
+        assert not any(servo.torque for servo in port.servos)
+        assert [servo.shaft.position for servo in port.servos] == shafts
+        arm.stop()
+        arm.torque_off()
+
+
+def test_who_is_put_right_can_be_used_after_a_new_comparison() -> None:
+    with servobus.robot(read_text(TWO.replace("rx28@1,ax12a@2", "ax12a@1,rx28@2")), incomplete=True) as arm:
+        assert arm.one.mistaken
+        arm.attendance = Attendance("arm", ())
+        assert not arm.one.mistaken
+        assert not arm.positions().lost
+
+
+def test_a_pair_of_which_one_servo_is_driven_is_neither_driven_nor_limp(arm: Robot) -> None:
+    arm.lift.torque_on()
+    assert (arm.lift.look().torque, arm.lift.look().limp) == (True, False)
+    arm.lift.parts[1].servo.torque_off()
+    state = arm.lift.look()
+    assert (state.torque, state.limp, state.half) == (False, False, True)
+    assert "torque on of one servo alone" in str(state)
+    teach = arm.teach()  # nobody can move it by hand
+    next(iter(teach))
+    assert arm.lift not in teach.joints
+    with pytest.raises(TorqueOff, match="lift: torque is off"):
+        arm.move(lift=0.1)
+    with pytest.raises(MotionError, match="lift: the torque of the leader is on"):
+        Teleop(arm, arm, {"wrist": "lift"}).wait()
+    arm.lift.torque_off()
+    assert arm.lift.look().limp
+
+
 @pytest.mark.parametrize(
     ("text", "good", "bad", "told"),
     [
-        (SIX, "rx28@1-3", "rx28@1-3,12", "RX-28 id 12 at 57600"),
-        (SIX, "lx16a@1-2", "lx16a@1-2,20", "id 20 at 115200"),
+        (SIX, "rx28@1-3", "rx28@1-3,9", "RX-28 id 9 at 57600"),
+        (SIX, "lx16a@1-2", "lx16a@1-2,10", "id 10 at 115200"),
         (SIX, "rx28@1-3", "rx28@1-3,200", ""),  # `check` finds it
         # New servos come at 57600 baud (RX-28) and 1 Mbit/s (AX-12A) with id 1, by their manuals.
         (TWO, "rx28@1,ax12a@2?baud=57600", "rx28@1,ax12a@2,ax12a@1?baud=57600", ""),
@@ -518,6 +621,21 @@ def test_a_port_that_is_not_there_is_named() -> None:
     text = SIX.replace("virtual:lx16a@1-2?clock=virtual", "/dev/there-is-none")
     with pytest.raises(PortError, match=r"port hand: .*there-is-none"):
         servobus.robot(read_text(text))
+
+
+def test_a_robot_that_may_be_incomplete_opens_without_a_port() -> None:
+    text = SIX.replace("?clock=virtual", "").replace("virtual:lx16a@1-2", "/dev/there-is-none")
+    with servobus.robot(read_text(text), incomplete=True) as arm:
+        assert [(finding.kind, finding.port) for finding in arm.attendance.grave] == [("port", "hand")]
+        assert set(arm.attendance.unusable(arm)) == {"wrist", "grip"}
+        seen = arm.positions()
+        assert (list(seen), list(seen.lost)) == ([*JOINTS[:4]], ["wrist", "grip"])
+        with pytest.raises(PortError, match=r"^wrist: /dev/there-is-none: no such port"):
+            arm.wrist.position()
+    for port in ("virtual:rx28@1-3", "virtual:drs0602@1-2"):
+        text = text.replace(port, "/dev/nor-is-this")
+    with pytest.raises(PortError, match=r"port base: /dev/nor-is-this"):
+        servobus.robot(read_text(text), incomplete=True)
 
 
 def test_a_file_without_joints_is_no_robot() -> None:

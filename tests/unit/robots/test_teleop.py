@@ -14,7 +14,7 @@ from servobus.robots.file.reading import read_text
 from servobus.robots.motions.leading import Lead, Phase
 from servobus.robots.teleop import AsyncTeleop, Teleop, TeleopTick
 from servobus.virtual.physics.motor import Load
-from unit.robots.played_arm import port_of, servos_of
+from unit.robots.arms import port_of, servos_of
 
 LEADER = """
 [robot]

@@ -44,6 +44,10 @@ def adopt(file: str, joint: str | None, port: str | None, backup_file: str | Non
         stack.enter_context(signals_as_interrupt())
         if joint is not None:
             opened[joint]  # a name that is none is told before anything is asked
+        backups = Backups(opened.file)
+        if (left := adopting.left_over(opened.attendance, opened.joints, backups, joint)) is not None:
+            _finish(opened, backups, *left)
+            return
         vacancy = adopting.vacant(opened.attendance, opened.joints, joint)
         name = vacancy.part.port if port is None else port
         elsewhere = name not in opened.buses
@@ -51,7 +55,6 @@ def adopt(file: str, joint: str | None, port: str | None, backup_file: str | Non
         known = [] if elsewhere else [part for one in opened for part in one.parts if part.port == name]
         note(f"looking for the new servo of {vacancy} at all speeds; nothing moves")
         found = bus.do(adopting.newcomer(bus, vacancy, known))
-        backups = Backups(opened.file)
         saved, source = _saved(backups, vacancy, backup_file)
         plan = bus.do(adopting.adoption(vacancy, found, saved, source))
         click.echo(str(plan))
@@ -59,8 +62,9 @@ def adopt(file: str, joint: str | None, port: str | None, backup_file: str | Non
             if not yes and not click.confirm("write this to the new servo?"):
                 raise ServobusError("nothing was written")
         kept_in = backups.keep_new(vacancy.joint.name, vacancy.n, plan.before)
-        target = bus.do(adopting.carry_out(plan, bus.transport.name, kept_in))
-        backups.keep_last(vacancy.joint.name, vacancy.n, plan.after)
+        with backups.adopting(vacancy.joint.name, vacancy.n, plan.wanted):
+            target = bus.do(adopting.carry_out(plan, bus.transport.name, kept_in))
+            backups.keep_last(vacancy.joint.name, vacancy.n, plan.after)
         click.echo(f"{target} at {target.baud} baud takes the place of {vacancy}; as it was is in {kept_in}")
         if elsewhere:
             note(
@@ -69,6 +73,15 @@ def adopt(file: str, joint: str | None, port: str | None, backup_file: str | Non
             return
         vacancy.part.servo.target = replace(vacancy.part.servo.target, answers=target.answers)
         _check(opened)
+
+
+def _finish(opened: Robot, backups: Backups, left: Vacancy, saved: Backup) -> None:
+    """Give a servo what it lacks because its adoption was broken off. It was agreed to then."""
+    bus, servo = opened.buses[left.part.port], left.part.servo
+    with backups.adopting(left.joint.name, left.n, saved):
+        servo.target = bus.do(adopting.finish(left, saved))
+    click.echo(f"{left} was in its place already, and has all its settings now: its adoption had been broken off")
+    _check(opened)
 
 
 def _saved(backups: Backups, vacancy: Vacancy, file: str | None) -> tuple[Backup | None, str]:

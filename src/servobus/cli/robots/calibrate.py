@@ -136,7 +136,7 @@ def _go_limp(arm: Robot, names: Sequence[str], person: Person) -> None:
     driven = [name for name in names if any(arm.do(on(part.port, _torque(part))) for part in arm[name].parts)]
     if not driven:
         return
-    if not person.yes(f"hold the arm: {', '.join(driven)} go limp. Go on?"):
+    if not person.yes(f"hold the arm: {', '.join(driven)} {'goes' if len(driven) == 1 else 'go'} limp. Go on?"):
         raise ServobusError("nothing was changed")
     arm.do(jobs.torque_off([arm[name] for name in driven]))
 
@@ -215,7 +215,7 @@ def _table(flow: Calibration) -> "RenderableType":
             f"{low}, {high}",
             style=style,
         )
-    keys = "r: this joint anew   a: another angle for the pose   Ctrl-C: end, nothing is written"
+    keys = "r: this joint anew   a: another angle for the pose   Ctrl-C: end, write nothing"
     return Group(table, Text(flow.message, style="dim"), Text(flow.prompt, style="bold"), Text(keys, style="dim"))
 
 

@@ -152,9 +152,10 @@ def import_(
 ) -> None:
     """Make a robot file of a file of another program, or take it into one: limits, a calibration, a motion.
 
-    IN is a calibration of LeRobot, a configuration or .move of pypot, a .robot file of ROBOTIS, a URDF, or an action
-    group of Hiwonder (.d6a). Notes on standard error say what was left out. The file that is changed is kept as a dated
-    copy. No port is opened, and nothing moves.
+    IN is a calibration of LeRobot, a configuration or .move of pypot, a .robot file of ROBOTIS, a URDF, also one with
+    the tags of dynamixel_hardware, an action group of Hiwonder (.d6a), or a motion file of RoboPlus (.mtn). Notes on
+    standard error say what was left out. The file that is changed is kept as a dated copy. No port is opened, and
+    nothing moves.
     """  # fmt: skip
     if output is not None and onto is not None:
         raise click.UsageError("say -o for a new robot file, or --onto for one that is there")

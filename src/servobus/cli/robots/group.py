@@ -16,6 +16,8 @@ class RobotGroup(VerbGroup):
             "check": ("robots.check:check", "Compare who answers with the robot file."),
             "show": ("robots.show:show", "Show the joints, live."),
             "move": ("robots.move:move", "Move joints to angles, together."),
+            "torque": ("robots.torque:torque", "Hold the joints where they are, or let them go."),
+            "stop": ("robots.torque:stop", "Stop the joints where they are."),
             "calibrate": ("robots.calibrate:calibrate", "Find zero, direction and limits of joints by hand."),
             "plan": ("robots.settings:plan", "Compare the servos' settings with the robot file."),
             "apply": ("robots.settings:apply", "Write the settings of the robot file."),

@@ -23,6 +23,7 @@ from servobus.jobs.scan import FoundServo, ScanResult
 from servobus.jobs.scan import scan as scan_procedure
 from servobus.robots.file.drafting import DraftJoint, draft, middle
 from servobus.robots.file.kinds import NAME
+from servobus.robots.file.places import for_file
 from servobus.robots.file.writing import create
 
 LEFT_OUT = "none"
@@ -66,7 +67,8 @@ def init(ports: tuple[str, ...], where: Where, output: str, yes: bool, as_found:
         raise UsageError(
             "no servo was found, and nothing was written; are they powered? `--baud all` tries every speed"
         )
-    create(path, draft(path.stem, names, joints))
+    places = {name: for_file(port, path.parent) for name, port in names.items()}
+    create(path, draft(path.stem, places, joints))
     click.echo(f"{path}: {len(joints)} joints: {', '.join(joint.name for joint in joints)}")
 
 

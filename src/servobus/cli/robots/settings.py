@@ -71,6 +71,8 @@ def apply(file: str, yes: bool, torque_off: bool, offsets: bool, undo: bool) -> 
         try:
             done = opened.apply_settings(found, torque_off=torque_off, offsets=offsets)
         except (BusError, PortError, NotRestored, KeyboardInterrupt):
+            if not found.changes(offsets=offsets):
+                raise  # there was nothing to write
             note(f"what is not written yet is written when this command is given again; {_undo_hint(file)}")
             raise
         for who, names in done.written.items():

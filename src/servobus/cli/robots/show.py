@@ -111,7 +111,9 @@ def _table(arm: Robot, seen: ByJoint[JointState], goals: ByJoint[float]) -> "Ren
     table.add_column("alarms", overflow="fold")
     for joint in arm:
         if joint.name in seen.lost:
-            table.add_row(joint.name, "", "", Text("no answer", style="bold red"))
+            table.add_row(
+                joint.name, "", "", Text("another servo" if joint.mistaken else "no answer", style="bold red")
+            )
             continue
         state, goal = seen[joint.name], _goal(joint, seen, goals)
         apart = f"{shown(state.disagreement, 'rad')} apart" if state.disagreement > joint.disagreement else ""
@@ -123,7 +125,7 @@ def _table(arm: Robot, seen: ByJoint[JointState], goals: ByJoint[float]) -> "Ren
             position_bar(state.position, goal, *joint.limits, BAR),
             f"{state.voltage:.1f}",
             f"{state.temperature:.0f}",
-            "on" if state.torque else "off",
+            "half" if state.half else "on" if state.torque else "off",
             Text(trouble, style="bold red"),
         )
     return table

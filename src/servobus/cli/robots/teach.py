@@ -124,11 +124,14 @@ def _rescue(file: str, name: str, raw: Path, *, poses: bool) -> str:
 
 def _wait_for_hands(arm: Robot, joints: Sequence[str], keys: Keys) -> None:
     """Let a person hold what goes limp, where one is there."""
-    falling = [joint.name for joint in arm.named(*joints) if joint.look().torque] if joints else []
+    falling = [joint.name for joint in arm.named(*joints) if not joint.look().limp] if joints else []
     if not falling or not keys.there:
         return
-    note(f"hold {', '.join(falling)}, and press SPACE: then it goes limp")
-    while not set(keys.pressed()) & {SPACE, "\n", "\r"}:
+    goes = "it goes" if len(falling) == 1 else "they go"
+    note(f"hold {', '.join(falling)}, and press SPACE: then {goes} limp; q ends")
+    while not (pressed := set(keys.pressed())) & {SPACE, "\n", "\r"}:
+        if "q" in pressed:
+            raise UsageError("ended before anything went limp, and nothing was recorded")
         next(iter(arm.buses.values())).transport.sleep(0.02)
         if not keys.there:
             raise UsageError("the terminal is gone; nothing went limp")

@@ -15,7 +15,7 @@ from servobus.cli.output import compact, note
 from servobus.cli.robots.under_way import angles_entry, drawn, joint_table, recording, switch_on
 from servobus.cli.values import ANGLE, split_assignment
 from servobus.core.units import parse, show
-from servobus.errors import BadValue, UsageError
+from servobus.errors import UsageError
 from servobus.robots.blocking import Robot
 from servobus.robots.file.reading import read_file
 from servobus.robots.motions.leading import Lead
@@ -183,6 +183,10 @@ def _lead(text: str) -> tuple[str, Lead]:
     leader, _, numbers = rest.partition(":")
     scale, _, offset = numbers.partition(":")
     try:
-        return name, Lead(leader, float(scale) if scale else 1.0, parse(offset, "rad") if offset else 0.0)
+        factor = float(scale) if scale else 1.0
+    except ValueError:
+        raise click.BadParameter(f"{text}: {scale!r} is no number to scale by", param_hint="--map") from None
+    try:
+        return name, Lead(leader, factor, parse(offset, "rad") if offset else 0.0)
     except ValueError as error:
-        raise BadValue(f"--map {text}: {error}; SCALE is a number, OFFSET an angle such as 10deg") from None
+        raise click.BadParameter(f"{text}: {error}; OFFSET is an angle such as 10deg", param_hint="--map") from None

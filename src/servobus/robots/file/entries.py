@@ -196,7 +196,7 @@ class JointEntry:
     model: type[Model] = key(ServoModel("rx28"), "Model of the servo, as `servobus models` lists it.")
     id: int = key(Whole(0, LAST_ID), "Id of the servo.")
     baud: int | None = key(Speed(1_000_000), "Speed of the servo, bit/s; its factory speed without this.", default=None)
-    zero: float = key(_ANGLE, "Angle of the servo where the joint is at 0.", default=0.0)
+    zero: float = key(_ANGLE, "Angle of the servo where the joint is at 0; 0deg without this.", default=0.0)
     direction: int = key(Direction(), "1, or -1 where the joint turns against its servo.", default=1)
     ratio: float = key(
         Number("3.0"), "Turns of the servo for one turn of the joint: the gear behind the horn.", default=1.0

@@ -21,7 +21,7 @@ from servobus.robots.file.entries import RobotFile, ServoEntry
 from servobus.robots.file.kinds import shown
 from servobus.robots.file.writing import Key
 from servobus.robots.formats.base import Changes, Given, listed
-from servobus.robots.formats.motions import check_angle, motion_name, none_known, steps_of
+from servobus.robots.formats.motions import check_angle, joint_of_servo, motion_name, none_known, steps_of
 from servobus.robots.formats.servos import angle_row, to_angle
 
 KINDS = ("bus", "pwm")
@@ -52,7 +52,7 @@ def onto(data: bytes, file: RobotFile, given: Given) -> Changes:
     joints: dict[int, str] = {}
     left = []
     for id in group.ids:
-        joint = _joint(file, id, kind, given)
+        joint = joint_of_servo(file, id, given, lambda one: kind == "pwm" or one.model.family.name == FAMILY)
         if joint is None:
             left.append(f"Servo{id}")
         elif joint in joints.values():
@@ -102,30 +102,6 @@ def _kind(group: _Group, given: Given) -> str:
             "pwm if they are widths of pulses in µs"
         )
     return said or "bus"
-
-
-def _joint(file: RobotFile, id: int, kind: str, given: Given) -> str | None:
-    """Find the joint of a servo: by what was said, else by its id, among bus servos if it is one.
-
-    Raises FormatError if several have this id.
-    """
-    name = f"Servo{id}"
-    said = given.called(name)
-    if said is not None:
-        if said not in file.joints:
-            raise FormatError(f"{file.name}: there is no joint {shown(said)}; there are {listed(file.joints)}")
-        return said
-    found = [
-        joint.name
-        for joint in file.joints.values()
-        if joint.id == id and (kind == "pwm" or joint.model.family.name == FAMILY)
-    ]
-    if len(found) > 1:
-        raise FormatError(
-            f"{given.source}: {listed(found)} all have id {id} in {file.name}; say which is meant, as in "
-            f"--joint {name}={found[0]}"
-        )
-    return found[0] if found else None
 
 
 def _angle(file: RobotFile, joint: str, position: int, kind: str, where: str) -> float:

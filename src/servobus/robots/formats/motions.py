@@ -1,11 +1,12 @@
 """Motions of other programs as motions of a robot file: what all of them share."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from servobus.core.units import deg, show
 from servobus.errors import FormatError
-from servobus.robots.file.entries import RobotFile
+from servobus.robots.file.entries import JointEntry, RobotFile
+from servobus.robots.file.kinds import shown
 from servobus.robots.file.reading import ROUNDING
 from servobus.robots.formats.base import Given, listed, plain_name
 
@@ -21,6 +22,26 @@ def motion_name(file: RobotFile, given: Given) -> str:
     if name in file.motions:
         raise FormatError(f"{file.name} has a motion {name} already; give another name, as in --name {name}2")
     return name
+
+
+def joint_of_servo(file: RobotFile, id: int, given: Given, suits: Callable[[JointEntry], bool]) -> str | None:
+    """Find the joint of a servo that a motion calls by its id: by what was said, else the one with this id that suits.
+
+    Raises FormatError if several do.
+    """
+    name = f"Servo{id}"
+    said = given.called(name)
+    if said is not None:
+        if said not in file.joints:
+            raise FormatError(f"{file.name}: there is no joint {shown(said)}; there are {listed(file.joints)}")
+        return said
+    found = [joint.name for joint in file.joints.values() if joint.id == id and suits(joint)]
+    if len(found) > 1:
+        raise FormatError(
+            f"{given.source}: {listed(found)} all have id {id} in {file.name}; say which is meant, as in "
+            f"--joint {name}={found[0]}"
+        )
+    return found[0] if found else None
 
 
 def check_angle(file: RobotFile, joint: str, angle: float, where: str) -> float:

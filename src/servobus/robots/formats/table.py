@@ -3,13 +3,8 @@
 from collections.abc import Iterable
 
 from servobus.errors import FormatError, UnknownName
-from servobus.robots.formats import d6a, lerobot, move, pypot, robotis, ros2_control, urdf
+from servobus.robots.formats import d6a, lerobot, move, mtn, pypot, robotis, ros2_control, urdf
 from servobus.robots.formats.base import Format, listed
-
-
-def _never(_data: bytes) -> bool:
-    return False
-
 
 FORMATS = {
     one.name: one
@@ -46,6 +41,17 @@ FORMATS = {
             new=robotis.new,
         ),
         Format(
+            "ros2_control",
+            "URDF with the <ros2_control> tags of dynamixel_hardware",
+            (".urdf",),
+            "joints as in a URDF; ports and their speeds, ids, zero, directions and gears",
+            "models, groups, poses, motions, and servos other than Dynamixel",
+            ros2_control.known,
+            write=ros2_control.write,
+            new=ros2_control.new,
+            onto=urdf.onto,
+        ),
+        Format(
             "urdf",
             "URDF",
             (".urdf", ".xml"),
@@ -56,15 +62,6 @@ FORMATS = {
             onto=urdf.onto,
         ),
         Format(
-            "ros2_control",
-            "URDF with the <ros2_control> tags of dynamixel_hardware",
-            (".urdf",),
-            "joints as in a URDF; ports and their speeds, ids, zero, directions and gears",
-            "groups, poses, motions, and servos other than Dynamixel",
-            _never,
-            write=ros2_control.write,
-        ),
-        Format(
             "d6a",
             "action group of Hiwonder",
             (".d6a",),
@@ -72,6 +69,15 @@ FORMATS = {
             "names, models, zero and directions: they are those of the robot file",
             d6a.known,
             onto=d6a.onto,
+        ),
+        Format(
+            "mtn",
+            "motion file of RoboPlus",
+            (".mtn",),
+            "poses, pauses and their times of each page, as the steps of a motion",
+            "names, models, zero and directions: they are those of the robot file",
+            mtn.known,
+            onto=mtn.onto,
         ),
         Format(
             "move",

@@ -132,7 +132,8 @@ def onto(data: bytes, file: RobotFile, given: Given) -> Changes:
                 f"[joint.{one.mimics}.mirror]"
             )
         if one.limits is not None:
-            changes[("joint", entry.name, "limits")] = written(*_within(entry, one.limits, notes))
+            can = replace(entry, limits=None).range
+            changes[("joint", entry.name, "limits")] = written(*within(entry.name, can, one.limits, notes))
             limited.append(entry.name)
         elif entry.limits is not None:
             notes.append(f"{one.name} has no limits in the URDF; those of {file.name} stay")
@@ -150,26 +151,32 @@ def onto(data: bytes, file: RobotFile, given: Given) -> Changes:
     return Changes(changes, {}, tuple(notes), " and ".join(said))
 
 
-def _within(entry: JointEntry, limits: tuple[float, float], notes: list[str]) -> tuple[float, float]:
+def within(
+    joint: str, range_: tuple[float, float], limits: tuple[float, float], notes: list[str]
+) -> tuple[float, float]:
     """Give limits as far as the servos of a joint can be sent there. Raises FormatError where they cannot at all."""
-    least, most = replace(entry, limits=None).range
+    least, most = range_
     low, high = max(limits[0], least), min(limits[1], most)
     told = f"{show(limits[0], 'rad')} .. {show(limits[1], 'rad')}"
     can = f"{show(least, 'rad')} .. {show(most, 'rad')}"
     if not low < high:
         raise FormatError(
-            f"{entry.name}: the URDF allows {told}, and with this zero, direction and ratio the servo can go to {can}; "
+            f"{joint}: the URDF allows {told}, and with this zero, direction and ratio the servo can go to {can}; "
             "look at the zero of the joint"
         )
     if low > limits[0] + NARROWER or high < limits[1] - NARROWER:
-        notes.append(
-            f"{entry.name}: the URDF allows {told}, and the servo can go to {can}, so what both allow was taken"
-        )
+        notes.append(f"{joint}: the URDF allows {told}, and the servo can go to {can}, so what both allow was taken")
     return low, high
 
 
 def read(data: bytes, source: str) -> dict[str, UrdfJoint]:
     """Read the joints of a URDF. Raises FormatError for what is none, and for xacro."""
+    raw = {str(element.get("name")): element for element in root_of(data, source).findall("joint")}
+    return {name: _joint(name, raw, source, ()) for name in raw}
+
+
+def root_of(data: bytes, source: str) -> ET.Element:
+    """Give the element <robot> of a URDF. Raises FormatError for what is none, and for xacro."""
     text = text_of(data, source)
     try:
         root = ET.fromstring(text)  # noqa: S314 - expat bounds what entities may grow to
@@ -179,8 +186,7 @@ def read(data: bytes, source: str) -> dict[str, UrdfJoint]:
         raise FormatError(f"{source}: this is xacro, whose macros ROS expands; run `xacro {source} > arm.urdf` first")
     if root.tag != "robot":
         raise FormatError(f"{source}: a URDF begins with <robot>, and this begins with <{root.tag}>")
-    raw = {str(element.get("name")): element for element in root.findall("joint")}
-    return {name: _joint(name, raw, source, ()) for name in raw}
+    return root
 
 
 def _joint(name: str, raw: Mapping[str, ET.Element], source: str, before: tuple[str, ...]) -> UrdfJoint:

@@ -25,11 +25,11 @@ Sought: TypeAlias = Literal["near", "file", "everywhere"]
 """Where strangers are looked for:
 
 near        at the ids that most servos have: those of new ones, up to LOW, and BESIDE those in the file. At the speeds
-            of the servos in the file, and those that such servos come with. Takes some tenths of a second
+            of the servos in the file, and those that such servos come with. Takes half a second or so
 file        at every id, at the same speeds: some seconds
 everywhere  at every id of every family, at every speed that its servos can have: half a minute or more
 """
-LOW, BESIDE = 20, 2
+LOW, BESIDE = 10, 2
 """The highest id at which most strangers are, and how far from the ids in the file; *assumption*."""
 
 
@@ -61,6 +61,11 @@ class Attendance:
     def grave(self) -> tuple[Finding, ...]:
         """The findings without strangers and restarts, with which the robot works all the same."""
         return tuple(finding for finding in self.findings if finding.kind in GRAVE)
+
+    @property
+    def mistaken(self) -> dict[str, str]:
+        """Joints that another servo answers for than the file says: name -> which, and what to do."""
+        return {one.joint: one.text for one in self.findings if one.kind in ("wrong model", "swapped")}
 
     def unusable(self, joints: Iterable[Joint]) -> dict[str, str]:
         """Tell which of these joints cannot be used as the file says: name -> why."""

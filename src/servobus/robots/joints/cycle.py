@@ -10,7 +10,7 @@ any is sent. Joints that do not answer are `lost` in the result, and the others 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 from servobus.bus.cycle import Cycle, Result
 from servobus.bus.rate import Rate
@@ -20,12 +20,10 @@ from servobus.core.operation import Awaiting, Blocking, Priority, bus_method, ur
 from servobus.core.registers import Register
 from servobus.errors import ServobusError
 from servobus.robots.joints import jobs
-from servobus.robots.joints.joint import Joint, Part
-from servobus.robots.ports import Ports
+from servobus.robots.joints.joint import Joint, check_meant
+from servobus.robots.ports import AsyncOnPorts, OnPorts, Ports
 from servobus.robots.steps import RobotJob, each
 from servobus.robots.values import ByJoint, named_angles
-
-T = TypeVar("T")
 
 
 class RobotResult(ByJoint[dict[str, Any]]):
@@ -76,13 +74,9 @@ class RobotCycle:
         self._ports, self.joints = ports, list(joints)
         self._names = [joint.name for joint in joints]
         self._by_name = {joint.name: joint for joint in joints}
-        parts: dict[str, list[Part]] = {}
-        for joint in joints:
-            for part in joint.parts:
-                parts.setdefault(part.port, []).append(part)
         self.cycles = {
             port: Cycle(ports.buses[port].transport, [part.servo for part in there], read, ("goal_position",), time)
-            for port, there in parts.items()
+            for port, there in jobs.on_each_port(joints, list).items()
         }
         """The cycle of each port."""
 
@@ -106,6 +100,7 @@ class RobotCycle:
         servo_goals: dict[str, dict[Servo, float]] = {}
         for name, angle in goals.items():
             joint = self._by_name[name]
+            check_meant([joint])
             allowed = joint.check(angle)
             for part in joint.parts:
                 servo_goals.setdefault(part.port, {})[part.servo] = part.axis.to_servo(allowed)
@@ -124,14 +119,17 @@ class RobotCycle:
     def _result(self, results: Mapping[str, Result], times: Mapping[str, float]) -> RobotResult:
         values: dict[str, dict[str, Any]] = {}
         lost: dict[str, ServobusError] = {}
+        came = {port: result.by_servo for port, result in results.items()}
         for joint in self.joints:
-            seen = []
+            seen: list[dict[str, Any]] = []
             for part in joint.parts:
-                result = results[part.port]
-                if part.servo in result.lost:
-                    lost.setdefault(joint.name, result.lost[part.servo])
+                one = came[part.port].get(part.servo)
+                if one is None:
+                    lost.setdefault(joint.name, results[part.port].lost[part.servo])
                 else:
-                    seen.append(result[part.servo])
+                    seen.append(one)
+            if joint.mistaken:
+                lost[joint.name] = joint.mismatch()
             if joint.name not in lost:
                 values[joint.name] = {name: jobs.joined(joint, name, [one[name] for one in seen]) for name in seen[0]}
         return RobotResult(values, lost, times, results)
@@ -150,27 +148,9 @@ def _stamped(cycle: Cycle, goals: Mapping[Servo, float] | None) -> Procedure[tup
     return result, moment
 
 
-class BlockingRobotCycle(Blocking, RobotCycle):
+class BlockingRobotCycle(OnPorts, RobotCycle):
     """A cycle of a blocking robot."""
 
-    def __init__(self, robot: Blocking, *args: Any) -> None:
-        self._robot = robot
-        super().__init__(*args)
 
-    def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of the robot."""
-        result: T = self._robot.do(job, priority=priority)
-        return result
-
-
-class AsyncRobotCycle(Awaiting, RobotCycle):
+class AsyncRobotCycle(AsyncOnPorts, RobotCycle):
     """A cycle of an asynchronous robot: `await cycle.run(...)`, `async for tick in cycle.every(...)`."""
-
-    def __init__(self, robot: Awaiting, *args: Any) -> None:
-        self._robot = robot
-        super().__init__(*args)
-
-    async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of the robot."""
-        result: T = await self._robot.do(job, priority=priority)
-        return result

@@ -16,7 +16,7 @@ from servobus.jobs.look import look as look_at
 from servobus.jobs.make_safe import let_go, stop_all
 from servobus.jobs.torque import torque_on as switch_on
 from servobus.robots.axis import Axis
-from servobus.robots.joints.joint import Joint, Part
+from servobus.robots.joints.joint import Joint, Part, check_meant
 from servobus.robots.steps import RobotJob, each, together
 from servobus.robots.values import ByJoint
 
@@ -49,14 +49,23 @@ class JointState:
     temperature: float
     """°C; of two servos the higher."""
     torque: bool
-    """Whether it is driven, by both servos."""
+    """Whether it is driven; of two servos both."""
     shutdown: str = ""
     """What keeps the torque of a servo off until it is rearmed; "" if nothing does."""
     disagreement: float = 0.0
     """Angle of the joint by which its two servos disagree, rad."""
+    half: bool = False
+    """Whether one of its two servos has torque, and the other has none: it is not driven as it should be, nor limp."""
+
+    @property
+    def limp(self) -> bool:
+        """Whether no servo of it has torque, so that a hand can move it."""
+        return not self.torque and not self.half
 
     def __str__(self) -> str:
-        torque = TorqueState(self.torque, self.shutdown)
+        torque = str(TorqueState(self.torque, self.shutdown))
+        if self.half:
+            torque = f"torque on of one servo alone{f' ({self.shutdown})' if self.shutdown else ''}"
         return f"{show(self.position, 'rad')}, {show(self.voltage, 'V')}, {show(self.temperature, 'degC')}, {torque}"
 
 
@@ -81,7 +90,8 @@ def read(joints: Sequence[Joint], name: str) -> RobotJob[ByJoint[Any]]:
     """
     for joint in joints:
         joint.servo.model.register(name)  # a name that is none is told before anything is sent
-    outcomes = yield from each(on_each_port(joints, lambda parts: several.read([part.servo for part in parts], name)))
+    meant = [joint for joint in joints if not joint.mistaken]
+    outcomes = yield from each(on_each_port(meant, lambda parts: several.read([part.servo for part in parts], name)))
     seen, lost = _sorted(joints, outcomes)
     return ByJoint(
         {
@@ -98,6 +108,9 @@ def _sorted(joints: Iterable[Joint], outcomes: Mapping[str, Any]) -> tuple[dict[
     seen: dict[Servo, Any] = {}
     lost: dict[str, ServobusError] = {}
     for joint in joints:
+        if joint.mistaken:
+            lost[joint.name] = joint.mismatch()
+            continue
         for part in joint.parts:
             outcome = outcomes[part.port]
             if isinstance(outcome, ServobusError):
@@ -131,6 +144,8 @@ def servo_angles(joints: Sequence[Joint]) -> RobotJob[tuple[dict[Part, float], d
 def joined(joint: Joint, name: str, values: Sequence[Any]) -> Any:
     """Give what the servos of a joint say as one value of the joint."""
     turned = [to_joint(part.axis, name, value) for part, value in zip(joint.parts, values, strict=True)]
+    if len(turned) == 1:
+        return turned[0]
     if name == "present_position":
         agree(joint, turned)
     return sum(turned) / len(turned) if name in (*ANGLES, *RATES) else turned[0]
@@ -151,7 +166,7 @@ def agree(joint: Joint, angles: Sequence[float]) -> None:
 
 def look(joints: Sequence[Joint]) -> RobotJob[ByJoint[JointState]]:
     """Look at joints; gives name -> JointState, and those that are `lost`."""
-    outcomes = yield from each(on_each_port(joints, _look_at_all))
+    outcomes = yield from each(on_each_port([joint for joint in joints if not joint.mistaken], _look_at_all))
     seen, lost = _sorted(joints, outcomes)
     return ByJoint(
         {
@@ -184,6 +199,7 @@ def _state(joint: Joint, seen: Sequence[Snapshot]) -> JointState:
         all(state.torque for state in seen),
         "; ".join(state.shutdown for state in seen if state.shutdown),
         max(angles) - min(angles),
+        len({state.torque for state in seen}) > 1,
     )
 
 
@@ -192,11 +208,12 @@ def torque_on(joints: Sequence[Joint]) -> RobotJob[None]:
 
     Raises Disagreement before the torque of any is switched on, and the first failure when all had their turn.
     """
+    check_meant(joints)
     pairs = [joint for joint in joints if len(joint.parts) > 1]
     if pairs:
         yield from read(pairs, "present_position")
     outcomes = yield from each(on_each_port(joints, _switch_on_all))
-    failures = {servo: error for port in outcomes.values() if isinstance(port, dict) for servo, error in port.items()}
+    failures = _named(joints, outcomes)
     torn = [joint for joint in pairs if any(part.servo in failures for part in joint.parts)]
     yield from each(on_each_port(torn, _let_go_all))
     for outcome in outcomes.values():
@@ -231,9 +248,17 @@ def _let_go_all(parts: Sequence[Part]) -> Procedure[dict[Servo, ServobusError]]:
 def torque_off(joints: Sequence[Joint]) -> RobotJob[None]:
     """Switch the torque of joints off: of each, though it fails with others; then raise the first failure."""
     outcomes = yield from together(on_each_port(joints, _let_go_all))
-    for failures in outcomes.values():
-        for error in failures.values():
-            raise error
+    for error in _named(joints, outcomes).values():
+        raise error
+
+
+def _named(joints: Iterable[Joint], outcomes: Mapping[str, Any]) -> dict[Servo, ServobusError]:
+    """Give servo -> error of what came of all ports, the name of its joint in each."""
+    names = {part.servo: joint.name for joint in joints for part in joint.parts}
+    failures = {servo: error for port in outcomes.values() if isinstance(port, dict) for servo, error in port.items()}
+    for servo, error in failures.items():
+        error.tell_whose(names[servo])
+    return failures
 
 
 def stop(joints: Sequence[Joint]) -> RobotJob[dict[str, tuple[StopOutcome, ...]]]:

@@ -1,6 +1,6 @@
 """A joint: its name, its limits, and the one or two servos behind it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from servobus.bus.base import BaseBus
@@ -8,7 +8,7 @@ from servobus.bus.servo import Servo
 from servobus.core.closed import Closed
 from servobus.core.units import deg, show
 from servobus.core.values import frozen
-from servobus.errors import BadValue
+from servobus.errors import BadValue, RobotMismatch
 from servobus.robots.axis import Axis
 from servobus.robots.file.entries import JointEntry
 from servobus.robots.file.reading import ROUNDING
@@ -35,6 +35,9 @@ class Joint(Closed):
         self.name, self.entry, self.parts = entry.name, entry, parts
         self.limits = entry.range
         """Least and greatest angle, rad."""
+        self.mistaken = ""
+        """Why the servo that answers is not that of this joint, as a comparison with the file has found; "" if it is.
+        Then the joint is neither read nor driven, only stopped and let go."""
         self._close()
 
     @property
@@ -46,6 +49,10 @@ class Joint(Closed):
     def disagreement(self) -> float:
         """Angle by which two servos on the axis may disagree, rad."""
         return 0.0 if self.entry.mirror is None else self.entry.mirror.disagreement
+
+    def mismatch(self) -> RobotMismatch:
+        """Make the error for what cannot be done because another servo answers."""
+        return RobotMismatch(f"{self.mistaken}; until then it is neither read nor driven", [])
 
     def check(self, angle: float) -> float:
         """Give an angle back that the joint may go to. Raises BadValue outside its limits."""
@@ -69,6 +76,13 @@ class Joint(Closed):
 
     def _no_such_attribute(self, name: str) -> str:
         return f'{self.name} has no attribute {name!r}; to read a register: joint.read("{name}"), or joint.servo'
+
+
+def check_meant(joints: Iterable[Joint]) -> None:
+    """Raise RobotMismatch for joints whose servos were found to be others than those of the file."""
+    for joint in joints:
+        if joint.mistaken:
+            raise joint.mismatch()
 
 
 def parts_of(entry: JointEntry, buses: Mapping[str, BaseBus[Any]]) -> tuple[Part, ...]:

@@ -2,10 +2,12 @@
 
 The servos run each move by themselves, so the program need not be there in between. All joints have the same time for
 their way: the one that was asked for, or the least in which none exceeds the speed asked for or its own limit.
-Acceleration is that of the servos; `play` is for motions that keep a limit of it.
+A joint with a limit of acceleration gets at least the time of its quickest move that keeps it, from rest to rest. How a
+servo speeds up within that time is its own: HerkuleX for a quarter of it, an MX by its goal_acceleration, others as
+fast as their motor can. `play` is for motions that keep the limits at every instant.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -13,12 +15,14 @@ from servobus.core.arguments import check_above_0
 from servobus.core.exchange import Now, Pause
 from servobus.core.units import show
 from servobus.errors import BadValue, Disagreement, MotionError, ServobusError, TorqueOff, UsageError
+from servobus.families.base import KnownServo
 from servobus.jobs.move import (
     DEFAULT_SPEED,
     GRACE,
     LOOK,
     SHORTEST,
     PlannedMove,
+    Wording,
     cancel,
     has_ended,
     plan,
@@ -26,8 +30,30 @@ from servobus.jobs.move import (
     wait_arrival,
 )
 from servobus.robots.joints import jobs
-from servobus.robots.joints.joint import Joint
+from servobus.robots.joints.joint import Joint, Part, check_meant
 from servobus.robots.steps import RobotJob, each, together
+from servobus.robots.trajectory.limits import RANGE, JointLimits
+from servobus.robots.trajectory.profile import quickest
+
+
+class JointWording(Wording):
+    """In the errors of a move joints stand in place of their servos, with their angles."""
+
+    def __init__(self, joints: Iterable[Joint]) -> None:
+        self._parts: dict[KnownServo, tuple[Joint, Part]] = {
+            part.servo.target: (joint, part) for joint in joints for part in joint.parts
+        }
+
+    def name(self, target: KnownServo) -> str:
+        joint, part = self._parts[target]
+        return joint.name if len(joint.parts) == 1 else f"{joint.name} ({part.servo.target} on {part.port})"
+
+    def angle(self, target: KnownServo, angle: float) -> str:
+        _, part = self._parts[target]
+        return show(part.axis.to_joint(angle), "rad")
+
+    def tell(self, target: KnownServo, error: ServobusError) -> None:
+        error.tell_whose(self.name(target))
 
 
 class JointMove:
@@ -73,10 +99,12 @@ def plan_joints(
     for name, value in (("time", time), ("speed", speed)):
         if value is not None:
             check_above_0(name, value)
+    check_meant(goals)
     targets = {joint: joint.check(angle) for joint, angle in goals.items()}
     pairs = [joint for joint in targets if len(joint.parts) > 1]
     if pairs:
         yield from jobs.read(pairs, "present_position")
+    wording = JointWording(targets)
     planned = yield from together(
         jobs.on_each_port(
             targets,
@@ -89,6 +117,7 @@ def plan_joints(
                 },
                 time=time,
                 speed=speed,
+                wording=wording,
             ),
         )
     )
@@ -108,16 +137,28 @@ def _duration(
     goals: Mapping[Joint, float], ways: Mapping[Joint, float], time: float | None, speed: float | None
 ) -> float:
     """Give the time for a move. Raises BadValue for one in which a joint would exceed its speed."""
-    shortest = {joint: way / joint.entry.speed if joint.entry.speed else 0.0 for joint, way in ways.items()}
+    shortest = {joint: _shortest(joint, way) for joint, way in ways.items()}
     if time is None:
         return max(max(ways.values()) / (speed or DEFAULT_SPEED), *shortest.values(), SHORTEST)
     slowest = max(goals, key=lambda joint: shortest[joint])
     if shortest[slowest] > time * (1 + 1e-9):
+        entry, way = slowest.entry, ways[slowest]
+        by_speed = entry.speed is not None and way > entry.speed * time * (1 + 1e-9)
+        bound = show(entry.speed or 0.0, "rad/s") if by_speed else show(entry.acceleration or 0.0, "rad/s2")
         raise BadValue(
-            f"{slowest.name}: {show(ways[slowest], 'rad')} in {show(time, 's')} is faster than its "
-            f"{show(slowest.entry.speed or 0.0, 'rad/s')}; give it {show(shortest[slowest], 's')} or more"
+            f"{slowest.name}: {show(way, 'rad')} in {show(time, 's')} is faster than its {bound}; give it "
+            f"{show(shortest[slowest], 's')} or more"
         )
     return time
+
+
+def _shortest(joint: Joint, way: float) -> float:
+    """Give the least time in s in which a joint makes its way, rad, within the limits that the file has for it."""
+    entry = joint.entry
+    if entry.acceleration is None:
+        return way / entry.speed if entry.speed else 0.0
+    limits = JointLimits(entry.speed or RANGE[1], entry.acceleration, entry.jerk)
+    return quickest(0.0, way, limits).duration
 
 
 def start_joints(move: JointMove) -> RobotJob[None]:

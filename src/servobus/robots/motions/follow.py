@@ -32,7 +32,7 @@ from servobus.robots.values import named_angles
 class FollowTick(Seen):
     """One turn.
 
-    goals    joint -> what was sent in this turn, rad: a point on the way to where it was told to go
+    goals    joint -> what it was sent last, rad: a point on the way to where it was told to go
     result   what was read, by joint
     settled  whether all joints were sent to rest where they were told to go
     """
@@ -93,9 +93,9 @@ class Follow(Streamed[FollowTick]):
             self._follower.aim(aimed)
         states = self._follower.step()
         settled = self._follower.settled
-        self.over = self._stopping and settled
         result = yield from self.send(states)
-        return FollowTick({name: state.position for name, state in states.items()}, result, settled)
+        self.over = self._stopping and settled and self.arrived(states)
+        return FollowTick({name: self.sent[name] for name in states}, result, settled)
 
     @bus_method
     @urgent(Priority.MOTION)

@@ -42,7 +42,7 @@ class PlayTick(Seen):
     """One turn of a motion under way.
 
     time       s of the motion's own time; negative on the way to its first pose
-    goals      joint -> goal that was sent, rad
+    goals      joint -> goal that it was sent last, rad; a joint that is silent is sent none
     result     what was read, by joint
     """
 
@@ -142,22 +142,22 @@ class Play(Streamed[PlayTick]):
         """
         if self._playback is None or self.over:
             return None
-        if self._playback.finished and not self._next_stage():
+        if self._playback.finished and not self._next_stage() and self.arrived(self._playback.states):
+            self.over = True
             return None
         playback = self._playback
         playback.set_rate(0.0 if self.stopped or self._paused else self._pace)
         states = playback.step()
-        if self.stopped and playback.paused:
-            self.over = True
         result = yield from self.send(states)
-        goals = {name: state.position for name, state in states.items()}
+        if self.stopped and playback.paused and self.arrived(states):
+            self.over = True
+        goals = {name: self.sent[name] for name in states}
         time = playback.time - (playback.trajectory.duration if self._approaching else 0.0)
         return PlayTick(time, goals, result)
 
     def _next_stage(self) -> bool:
         stage = next(self._stages, None)
         if stage is None:
-            self.over = True
             return False
         self._playback, self._approaching = stage
         return True

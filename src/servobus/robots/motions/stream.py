@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 
 from servobus.bus.servo import Servo
 from servobus.core.exchange import Procedure, SetBaud
-from servobus.core.units import deg
-from servobus.errors import ServobusError, TorqueOff
+from servobus.core.units import deg, show
+from servobus.errors import BadValue, ServobusError, TorqueOff
 from servobus.robots.joints import jobs
 from servobus.robots.joints.cycle import RobotCycle, RobotResult
 from servobus.robots.joints.joint import Joint, Part
@@ -25,6 +25,8 @@ K = TypeVar("K")
 
 NEAR = 5 * deg
 """rad between goal and position up to which a joint holds, and hangs below its goal by its load alone."""
+ROUNDING = 1e-6
+"""Share by which a step from goal to goal may seem to exceed a speed for rounding alone."""
 UNBOUND = 0
 """Goal speed, raw, of a Dynamixel servo that goes as fast as it can (moving speed 0, RX-28 manual 3-4-3)."""
 
@@ -82,6 +84,7 @@ def where(joints: Sequence[Joint]) -> RobotJob[dict[str, float]]:
     """Give the angles from which a motion of these joints sets off.
 
     One that holds sets off from its goal: its load makes it hang below, and a motion from there would let it sink.
+    Raises BadValue for one that stands so far outside its limits that the way inside would be a jump.
     """
     positions = yield from jobs.read(joints, "present_position")
     goals = yield from jobs.read(joints, "goal_position")
@@ -89,6 +92,11 @@ def where(joints: Sequence[Joint]) -> RobotJob[dict[str, float]]:
     for joint in joints:
         here, goal = positions[joint.name], goals[joint.name]
         low, high = joint.limits
+        if not low - NEAR <= here <= high + NEAR:
+            raise BadValue(
+                f"{joint.name} stands at {show(here, 'rad')}, outside its limits, {show(low, 'rad')} .. "
+                f"{show(high, 'rad')}: move it inside first, which goes slowly; nothing has moved"
+            )
         start[joint.name] = min(max(goal if abs(goal - here) <= NEAR else here, low), high)
     return start
 
@@ -98,14 +106,16 @@ class Streamed(Turns[K]):
 
     joints  those that are given goals, and watched; see servobus.robots.motions.supervision
     limits  joint -> its greatest speed, acceleration and jerk
+    sent    joint -> the goal that it was given last, rad
     """
 
     def __init__(self, ports: Ports[Any], joints: Sequence[Joint], rate: float) -> None:
-        super().__init__(ports.now, rate)
+        super().__init__(ports, rate)
         self.joints = list(joints)
         self.limits = {joint.name: limits_of(joint) for joint in joints}
         self.cycle = RobotCycle(ports, self.joints, "present_position", self.period)
-        self._supervision = Supervision(self.joints)
+        self.sent: dict[str, float] = {}
+        self._supervision = Supervision(self.joints, self.period)
         self._had: dict[Servo, int] | None = None
         """Servo -> the goal speed it had; None before they follow goals."""
 
@@ -114,18 +124,30 @@ class Streamed(Turns[K]):
         yield from check_torque(self.joints)
         self._had = {}
         yield from begin(self.joints, self._had)
-        start = yield from where(self.joints)
+        self.sent = yield from where(self.joints)
         yield from self._supervision.begin()
-        return start
+        return dict(self.sent)
 
     def send(self, states: Mapping[str, State]) -> RobotJob[RobotResult]:
-        """Send the goals of a turn, but not to silent joints, and read all. Raises what ends the motion."""
-        silent = self._supervision.silent
-        result = yield from self.cycle.turn(
-            {name: state.position for name, state in states.items() if name not in silent}
-        )
+        """Send the goals of a turn, but not to silent joints, and read all. Raises what ends the motion.
+
+        A joint that was silent has fallen behind: it catches up at its greatest speed, and no faster.
+        """
+        yield from self._supervision.look()
+        goals = {}
+        for name, state in states.items():
+            if name not in self._supervision.silent:
+                before, reach = self.sent[name], self.limits[name].speed * self.period * (1 + ROUNDING)
+                goals[name] = min(max(state.position, before - reach), before + reach)
+        result = yield from self.cycle.turn(goals)
+        self.sent |= goals
         yield from self._supervision.watch(states, result)
         return result
+
+    def arrived(self, states: Mapping[str, State]) -> bool:
+        """Tell whether all joints were given these goals as their last, and are near them as far as can be seen."""
+        late = [name for name, state in states.items() if self.sent[name] != state.position]
+        return not late and not self._supervision.silent and not self._supervision.behind
 
     def finish(self, error: BaseException | None, *, stop: bool) -> RobotJob[None]:
         """Give the servos their speeds back. Stop all joints before, where that is asked for, or after an error."""

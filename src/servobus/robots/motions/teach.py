@@ -60,12 +60,12 @@ class Teach(Turns[TeachTick]):
     def __init__(
         self, ports: Ports[Any], joints: Sequence[Joint], rate: float, keep: Path | None, *, named: bool
     ) -> None:
-        super().__init__(ports.now, rate)
+        super().__init__(ports, rate)
         self.joints = list(joints)
         self.moments: list[Moment] = []
         self.poses: list[dict[str, float]] = []
         self.keep = keep
-        self._ports, self._named = ports, named
+        self._named = named
         self._recorder: Recorder | None = None
         self._cycle: RobotCycle | None = None
         self._began = 0.0
@@ -113,7 +113,7 @@ class Teach(Turns[TeachTick]):
         """
         if not self._named:
             states = yield from jobs.look(self.joints)
-            self.joints = [joint for joint in self.joints if not states[joint.name].torque]
+            self.joints = [joint for joint in self.joints if states[joint.name].limp]
             if not self.joints:
                 raise MotionError("all joints have torque, so nobody could move them: name those that are to go limp")
         self._cycle = RobotCycle(self._ports, self.joints, "present_position", self.period)

@@ -7,18 +7,19 @@ whatever happened. One iterates over it, or waits:
     async for tick in play: ...      await play.wait()
 """
 
-from collections.abc import AsyncGenerator, Callable, Generator
+from collections.abc import AsyncGenerator, Generator
+from contextlib import suppress
 from typing import Any, Generic, TypeVar
 
 from servobus.bus.rate import Rate
 from servobus.core.arguments import check_above_0
-from servobus.core.operation import Awaiting, Blocking, Priority, bus_method
-from servobus.errors import BadValue
+from servobus.core.operation import Awaiting, Blocking, bus_method
+from servobus.errors import BadValue, PortError
 from servobus.robots.joints.cycle import RobotResult
+from servobus.robots.ports import AsyncOnPorts, OnPorts, Ports
 from servobus.robots.steps import RobotJob
 from servobus.robots.values import ByJoint
 
-T = TypeVar("T")
 K = TypeVar("K")
 """What is told of a turn."""
 FASTEST = 1000.0
@@ -45,13 +46,13 @@ class Turns(Generic[K]):
     schedule  the turns since it began, which counts those that were left out; None before
     """
 
-    def __init__(self, clock: Callable[[], float], rate: float) -> None:
+    def __init__(self, ports: Ports[Any], rate: float) -> None:
         if not 1 <= check_above_0("rate", rate) <= FASTEST:
             raise BadValue(f"{rate!r} turns a second: give 1 to {FASTEST:g}")
+        self._ports = ports
         self.period = 1 / rate
         self.over = False
         self.schedule: Rate | None = None
-        self._clock = clock
 
     @bus_method
     def begin(self) -> RobotJob[None]:
@@ -71,21 +72,12 @@ class Turns(Generic[K]):
     def turns(self) -> Rate:
         """Give the turns, from now on."""
         assert isinstance(self, Blocking | Awaiting)
-        self.schedule = Rate(self, self._clock, self.period)
+        self.schedule = Rate(self, self._ports.now, self.period)
         return self.schedule
 
 
-class BlockingTurns(Blocking, Turns[K]):
-    """Turns of a blocking robot: iterate over them, or `wait`. `robot` carries out the jobs."""
-
-    def __init__(self, robot: Blocking, *args: Any, **kwargs: Any) -> None:
-        self._robot = robot
-        super().__init__(*args, **kwargs)
-
-    def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of the robot."""
-        result: T = self._robot.do(job, priority=priority)
-        return result
+class BlockingTurns(OnPorts, Turns[K]):
+    """Turns of a blocking robot: iterate over them, or `wait`."""
 
     def __iter__(self) -> Generator[K, None, None]:
         try:
@@ -94,6 +86,10 @@ class BlockingTurns(Blocking, Turns[K]):
                 if (tick := self.step()) is None:
                     break
                 yield tick
+        except GeneratorExit as thrown_away:
+            with suppress(PortError):  # nothing can be done where the robot was closed before
+                self.end(thrown_away)
+            raise
         except BaseException as error:
             self.end(error)
             raise
@@ -105,17 +101,8 @@ class BlockingTurns(Blocking, Turns[K]):
             pass
 
 
-class AsyncTurns(Awaiting, Turns[K]):
+class AsyncTurns(AsyncOnPorts, Turns[K]):
     """Turns of an asynchronous robot: iterate over them with `async for`, or await `wait()`."""
-
-    def __init__(self, robot: Awaiting, *args: Any, **kwargs: Any) -> None:
-        self._robot = robot
-        super().__init__(*args, **kwargs)
-
-    async def do(self, job: RobotJob[T], *, priority: Priority = Priority.READ) -> T:
-        """Carry out a job of the robot."""
-        result: T = await self._robot.do(job, priority=priority)
-        return result
 
     async def __aiter__(self) -> AsyncGenerator[K, None]:
         try:
@@ -124,6 +111,10 @@ class AsyncTurns(Awaiting, Turns[K]):
                 if (tick := await self.step()) is None:
                     break
                 yield tick
+        except GeneratorExit as thrown_away:
+            with suppress(PortError):  # nothing can be done where the robot was closed before
+                await self.end(thrown_away)
+            raise
         except BaseException as error:
             await self.end(error)
             raise

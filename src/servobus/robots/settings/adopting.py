@@ -4,9 +4,11 @@
     newcomer    the one servo on its port that is in no joint, whatever id and speed it has
     adoption    what would be changed in the newcomer
     carry_out   do so: settings first, then speed and id, and last which requests it answers
+    left_over   which servo is in its place, but lacks the last of that, because the program was killed then
+    finish      give it the rest
 
 As long as it has its old id or speed the newcomer is a stranger on its port. So wherever this is broken off, the same
-again finds it and goes on.
+again finds it and goes on; and what it is to hold is kept in a file until it does.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -30,6 +32,7 @@ from servobus.jobs.make_safe import let_go
 from servobus.jobs.scan import FoundServo, ScanProblem, ScanResult, Watcher, scan
 from servobus.robots.joints.attendance import Attendance
 from servobus.robots.joints.joint import Joint, Part
+from servobus.robots.settings.backups import Backups
 from servobus.robots.settings.planning import wanted
 
 
@@ -146,6 +149,11 @@ class Adoption:
         return self.vacancy.part.servo.baud
 
     @property
+    def wanted(self) -> Backup:
+        """The settings that it is to have, for `Backups.adopting`."""
+        return replace(self.settings, id=self.id, baud=self.baud)
+
+    @property
     def after(self) -> Backup:
         """All its settings as they are to be."""
         values = {**self.before.values, **self.settings.values}
@@ -228,6 +236,39 @@ def carry_out(plan: Adoption, port: str, kept_in: Path) -> Procedure[KnownServo]
     if refused is not None:
         raise refused
     return target
+
+
+def left_over(
+    found: Attendance, joints: Mapping[str, Joint], backups: Backups, name: str | None
+) -> tuple[Vacancy, Backup] | None:
+    """Give the servo whose adoption was broken off when it was in its place already, and what it is to hold.
+
+    Of the joint with this name, or of any; None if there is none. Raises UsageError for a file that is damaged.
+    """
+    absent = {(one.joint, one.n) for one in found.grave}
+    for joint in joints.values():
+        for n in range(len(joint.parts)):
+            if name in (None, joint.name) and (joint.name, n) not in absent:
+                saved = backups.adoption(joint.name, n)
+                if saved is not None:
+                    return Vacancy(joint, n), saved
+    return None
+
+
+def finish(left: Vacancy, saved: Backup) -> Procedure[KnownServo]:
+    """Give a servo that is in its place the settings that it lacks; give it as it is then. Its torque goes off.
+
+    Raises NotRestored with what it did not take, and BusError or PortError where the line is broken.
+    """
+    target = left.part.servo.target
+    yield SetBaud(target.baud)
+    if (yield from target.model.family.read_torque(target)).on:
+        yield from let_go(target)
+    asked = wanted(left.joint.entry, left.joint.entry.servos[left.n])
+    if ram := {row: raw for row, raw in asked.items() if row.area is not Area.EEPROM}:
+        yield from set_registers(target, ram)
+    yield from restore(target, saved, torque_off=True)
+    return (yield from _met(target, target.id, target.baud))
 
 
 def _met(target: KnownServo, id: int, baud: int) -> Procedure[KnownServo]:

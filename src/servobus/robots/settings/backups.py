@@ -10,19 +10,22 @@
             shoulder.toml             the settings of a servo as they were known last, for a new one in its place
         new/
             shoulder_<moment>.toml    the settings of a new servo as they were before it was adopted
+        adopting/
+            shoulder.toml             the settings that a new servo is to have; gone once it has them
 
 A run says what it is going to do before it does so. A program that is killed leaves a run that has not ended: the next
 one goes on with it, and keeps the backups that were made first.
 """
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from servobus.core.values import frozen
-from servobus.errors import UsageError
+from servobus.errors import NotRestored, UsageError
 from servobus.jobs.backup import Backup
 from servobus.robots.file.entries import RobotFile
 from servobus.transports.file_lock import replace_text
@@ -32,6 +35,7 @@ STAMP = "%Y-%m-%d_%H-%M-%S-%f"
 RUN = "run.json"
 LAST = "last"
 NEW = "new"
+ADOPTING = "adopting"
 KEPT = 20
 """Runs that are kept; older ones that have ended are removed."""
 
@@ -175,13 +179,7 @@ class Backups:
 
     def last(self, joint: str, n: int) -> Backup | None:
         """Give the settings of a servo as they were known last. Raises UsageError for a file that is damaged."""
-        path = self.last_path(joint, n)
-        try:
-            return Backup.parse(path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            return None
-        except UsageError as error:
-            raise UsageError(f"{path}: {error}") from None
+        return _kept(self.last_path(joint, n))
 
     def keep_new(self, joint: str, n: int, saved: Backup) -> Path:
         """Keep the settings of a new servo as they were before it was adopted; give the file."""
@@ -190,6 +188,29 @@ class Backups:
         path = folder / f"{file_key(joint, n)}_{datetime.now(UTC).strftime(STAMP)}.toml"
         replace_text(path, saved.text())
         return path
+
+    @contextmanager
+    def adopting(self, joint: str, n: int, wanted: Backup) -> Iterator[None]:
+        """Keep what a new servo is to hold while the block runs; it stays kept where the block is broken off.
+
+        A servo that does not take a setting (NotRestored) was given all the same: then nothing is left to be done.
+        """
+        path = self._adopting(joint, n)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_text(path, wanted.text())
+        try:
+            yield
+        except NotRestored:
+            path.unlink()
+            raise
+        path.unlink()
+
+    def adoption(self, joint: str, n: int) -> Backup | None:
+        """Give what a servo is to hold whose adoption was broken off. Raises UsageError for a file that is damaged."""
+        return _kept(self._adopting(joint, n))
+
+    def _adopting(self, joint: str, n: int) -> Path:
+        return self.folder / ADOPTING / f"{file_key(joint, n)}.toml"
 
     def last_path(self, joint: str, n: int) -> Path:
         """Give the file in which the settings of a servo are kept as they were known last."""
@@ -202,6 +223,15 @@ class Backups:
         ):
             now += timedelta(seconds=1)  # the clock was set back, perhaps
         return folder
+
+
+def _kept(path: Path) -> Backup | None:
+    try:
+        return Backup.parse(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}") from None
 
 
 def _read(folder: Path) -> Run:

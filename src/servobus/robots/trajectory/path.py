@@ -16,7 +16,7 @@ from servobus.core.units import deg, finite, said
 from servobus.core.values import frozen
 from servobus.errors import BadValue, UnknownName
 from servobus.robots.trajectory.limits import JointLimits, limits_of
-from servobus.robots.trajectory.polynomial import Polynomial, derivative, extrema, largest
+from servobus.robots.trajectory.polynomial import Polynomial, at_most, derivative, extrema, largest
 
 QUANTITIES = ("position", "speed", "acceleration", "jerk")
 """What `extremes` is asked for: each is the derivative of the one before."""
@@ -154,12 +154,15 @@ class Path:
         found = list[Need]()
         for piece, (begin, end) in zip(self.pieces, pairwise(self.knots), strict=True):
             most: Need = 0.0, 1, 0.0, begin
+            rate = derivative(piece)
             for order, limit in enumerate(bounds, 1):
-                piece = derivative(piece)  # noqa: PLW2901 - the next derivative of the same polynomial
-                size, time = largest(piece, end - begin)
-                factor = size / limit if order == 1 else (size / limit) ** (1 / order)
-                if factor > most[0]:
-                    most = factor, order, size, begin + time
+                slope = derivative(rate)
+                if at_most(rate, end - begin) > limit * most[0] ** order:  # else it asks for less, whatever it is
+                    size, time = largest(rate, slope, end - begin)
+                    factor = size / limit if order == 1 else (size / limit) ** (1 / order)
+                    if factor > most[0]:
+                        most = factor, order, size, begin + time
+                rate = slope
             found.append(most)
         return found
 

@@ -25,10 +25,10 @@ def value(polynomial: Sequence[float], time: float) -> float:
 
 def derivative(polynomial: Sequence[float], order: int = 1) -> Polynomial:
     """Give the first, second ... derivative; () is the polynomial that is 0 everywhere."""
-    result = tuple(polynomial)
+    result = polynomial
     for _ in range(order):
-        result = tuple(power * coefficient for power, coefficient in enumerate(result))[1:]
-    return result
+        result = [power * coefficient for power, coefficient in enumerate(result)][1:]  # a list is made quickest
+    return tuple(result)
 
 
 def crossings(polynomial: Sequence[float], end: float) -> list[float]:
@@ -54,14 +54,25 @@ def crossings(polynomial: Sequence[float], end: float) -> list[float]:
     return found
 
 
-def largest(polynomial: Sequence[float], end: float) -> tuple[float, float]:
-    """Give the greatest magnitude from 0 to `end`, and the first time at which the polynomial has it."""
+def largest(polynomial: Sequence[float], slope: Sequence[float], end: float) -> tuple[float, float]:
+    """Give the greatest magnitude from 0 to `end`, and the first time at which the polynomial has it.
+
+    `slope` is its derivative, which whoever asks for one derivative after the other has at hand.
+    """
     size, time = abs(polynomial[0]) if polynomial else 0.0, 0.0
-    for turn in (*crossings(derivative(polynomial), end), end):
+    for turn in (*crossings(slope, end), end):
         there = abs(value(polynomial, turn))
         if there > size:
             size, time = there, turn
     return size, time
+
+
+def at_most(polynomial: Sequence[float], end: float) -> float:
+    """Give what the magnitude does not exceed from 0 to `end`; found much faster than the `largest`."""
+    result = 0.0
+    for coefficient in reversed(polynomial):
+        result = result * end + abs(coefficient)
+    return result
 
 
 def extrema(polynomial: Sequence[float], end: float) -> list[tuple[float, float]]:

@@ -114,12 +114,13 @@ def fitted(
     given, positions = _check(times, poses)
     checked = limits_of(positions, limits)
     best, asked = list[float](), dict[int, Demand]()
+    at_first = _needs(_trajectory(given, positions, kind), checked)
     for spread in _SPREADS:
         steps, asking = given, dict[int, Demand]()
         for _ in range(_ROUNDS):
             if best and sum(steps) >= sum(best):
                 break
-            needs = _needs(_trajectory(steps, positions, kind), checked)
+            needs = at_first if steps is given else _needs(_trajectory(steps, positions, kind), checked)
             worst = max(needs, key=lambda one: one.factor)
             holds = worst.factor <= _KEPT
             slowed = steps if holds else [step * worst.factor for step in steps]

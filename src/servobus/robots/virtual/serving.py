@@ -17,6 +17,7 @@ from typing import Any
 from servobus.core.values import frozen
 from servobus.errors import PortError
 from servobus.robots.file.entries import RobotFile
+from servobus.robots.file.places import for_file
 from servobus.robots.file.writing import edited
 from servobus.robots.virtual.building import VirtualRobot, build_robot
 from servobus.transports.file_lock import replace_text
@@ -74,7 +75,9 @@ def serve_robot(
             else:
                 port = PtyPort(rig, where / name)
             ports[name] = stack.enter_context(serving(port))
-        paths: dict[tuple[str, ...], str] = {("port", name, "path"): str(port) for name, port in ports.items()}
+        paths: dict[tuple[str, ...], str] = {
+            ("port", name, "path"): for_file(str(port), where) for name, port in ports.items()
+        }
         replace_text(path, MARK + edited(file, paths))
         stack.callback(path.unlink, missing_ok=True)
         yield ServedRobot(

@@ -101,6 +101,11 @@ class ForeignPort(ABC):
     def __repr__(self) -> str:
         return f"<{self.name}: {self.counts.requests} requests>"
 
+    @property
+    @abstractmethod
+    def port(self) -> str:
+        """What the program opens."""
+
     async def __aenter__(self) -> Self:
         self._loop = asyncio.get_running_loop()
         await self._open()

@@ -11,6 +11,7 @@ from servobus.server.web.api.answers import Context, handle_errors
 from servobus.server.web.auth import Authority
 from servobus.server.web.config import WebConfig
 from servobus.server.web.guard import Guard
+from servobus.server.web.owner_link import OwnerLink
 from servobus.server.web.service import Service
 
 ABOUT = """Servos on serial buses: read, set up, move and watch them.
@@ -72,8 +73,10 @@ class WebApplication:
     async def __aenter__(self) -> Self:
         """Open all buses and robots. Raises ServobusError, with nothing open, if one of them cannot be."""
         try:
+            if self.config.owner is not None:
+                await self.service.join(OwnerLink(*self.config.owner, self.config.owner_token))
             for name, port in self.config.buses.items():
-                self.service.open_bus("server", name, port)
+                await self.service.open_bus("server", name, port)
             for name, file in self.config.robots.items():
                 self.service.open_robot(name, file)
         except BaseException:

@@ -28,6 +28,8 @@ class WebConfig:
     certificate, key   files for TLS
     exposed       whether it may be reached from other computers without TLS and a password; pages show a warning
     read_only     whether nobody may move or change anything; stopping works
+    owner, owner_token   address of the process that owns the ports, and what lets this one in; without them the ports
+                  of `buses` are opened here
     buses         name -> port
     robots        name -> robot file, whose ports are buses of the same names
     recordings    folder of recordings
@@ -45,6 +47,8 @@ class WebConfig:
     key: Path | None = None
     exposed: bool = False
     read_only: bool = False
+    owner: tuple[str, int] | None = None
+    owner_token: str = field(default="", repr=False)
     buses: dict[str, str] = field(default_factory=dict)
     robots: dict[str, str] = field(default_factory=dict)
     recordings: Path | None = None
@@ -126,6 +130,9 @@ def parse(line: str) -> WebConfig:
             values[name] = Path(str(values[name]))
     if "names" in values:
         values["names"] = tuple(map(str, values["names"]))
+    if values.get("owner") is not None:
+        host, port = values["owner"]
+        values["owner"] = str(host), int(port)
     config = WebConfig(**values)
     config.check()
     return config

@@ -9,12 +9,14 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Any, Literal, TypeAlias
 
-from servobus.errors import ServobusError, UnknownName
+from servobus.errors import ServobusError, UnknownName, UsageError
 from servobus.server.web.errors import TooMany, error_entry
 from servobus.server.web.feeds import Events
 
 MOST_RUNNING, KEPT = 16, 100
 """Jobs that run at once, and that are remembered after their end."""
+ALONE = ("scan", "doctor")
+"""Kinds of jobs of which one runs on a bus at a time."""
 TELL = 0.1
 """s between two events that tell how far a job is."""
 
@@ -81,8 +83,11 @@ class Jobs:
         return [job.entry() for job in reversed(self._jobs.values())]
 
     def start(self, kind: str, bus: str, by: str, run: Callable[[ServerJob], Awaitable[Any]]) -> ServerJob:
-        """Begin a job. Raises TooMany."""
-        if sum(job.state == "running" for job in self._jobs.values()) >= MOST_RUNNING:
+        """Begin a job. Raises TooMany, and UsageError where one of those that have a port to themselves runs there."""
+        running = [job for job in self._jobs.values() if job.state == "running"]
+        if kind in ALONE and any((job.kind, job.bus) == (kind, bus) for job in running):
+            raise UsageError(f"a {kind} of {bus} is running already: wait for it, or cancel it")
+        if len(running) >= MOST_RUNNING:
             raise TooMany(f"{MOST_RUNNING} jobs are running already: wait for one of them, or cancel it")
         job = ServerJob(f"{next(self._numbers)}", kind, bus, by)
         self._jobs[job.id] = job

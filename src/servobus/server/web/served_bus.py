@@ -24,6 +24,7 @@ from servobus.server.web.entries import alarm_names, change_entry, latched_names
 from servobus.server.web.feeds import Events, Feed
 from servobus.server.web.holders import Holder
 from servobus.server.web.jobs import Jobs, ServerJob
+from servobus.server.web.owner_link import OwnerLink
 from servobus.server.web.poller import LONGEST, OVERVIEW, SHORTEST, Poller, Rows
 from servobus.server.web.values import decoded, key_of, optional_row, raws_of, readable_row, servo_of
 
@@ -51,9 +52,20 @@ class ServedBus:
     stopped_by  who stopped it last, until somebody resumes; "" if nobody
     """
 
-    def __init__(self, name: str, port: str, bus: AsyncBus, *, events: Events, jobs: Jobs, audit: Audit) -> None:
+    def __init__(
+        self,
+        name: str,
+        port: str,
+        bus: AsyncBus,
+        *,
+        events: Events,
+        jobs: Jobs,
+        audit: Audit,
+        owner: OwnerLink | None = None,
+    ) -> None:
         self.name, self.port, self.bus = name, port, bus
         self.events, self.jobs, self.audit = events, jobs, audit
+        self._owner = owner
         self.gone = ""
         self.stopped_by = ""
         self._stopped_at = -math.inf
@@ -276,11 +288,14 @@ class ServedBus:
         their turn.
         """
         servos = self.servos(keys)
-        self.stopped_by, self._stopped_at = actor.name, asyncio.get_running_loop().time()
-        self.jobs.break_off(self.name)
+        self.latch(actor)
         said = [key_of(servo) for servo in servos]
         try:
-            outcomes = await self._stop(servos)
+            if self._owner is not None:
+                await self._owner.stop(self.name, () if keys is None else said)
+                outcomes: Mapping[Any, Any] = dict.fromkeys(servos, "stopped")
+            else:
+                outcomes = await self._stop(servos)
         except Exception as error:
             self.audit.note(actor.name, "stop", self.name, ", ".join(said), {}, str(error))
             self.events.tell("stopped", bus=self.name, by=actor.name, servos=said, failed=str(error))
@@ -288,6 +303,22 @@ class ServedBus:
         self.audit.note(actor.name, "stop", self.name, ", ".join(said), {})
         self.events.tell("stopped", bus=self.name, by=actor.name, servos=said, failed=None)
         return {key_of(servo): str(outcome) for servo, outcome in outcomes.items()}
+
+    def latch(self, actor: Actor) -> None:
+        """Let nothing be moved from here any more, and break off what is under way."""
+        self.stopped_by, self._stopped_at = actor.name, asyncio.get_running_loop().time()
+        self.jobs.break_off(self.name)
+
+    def follow(self, what: str, data: Mapping[str, Any]) -> None:
+        """Take note of what the owner of the ports tells of this bus."""
+        if what == "stopped" and data.get("servos") is None:
+            self.stopped_by, self._stopped_at = str(data.get("by", "")), asyncio.get_running_loop().time()
+        elif what == "resumed":
+            self.stopped_by, self._stopped_at = "", -math.inf
+        elif what == "gone":
+            self.gone = str(data.get("why", "gone"))
+        elif what == "back":
+            self.gone = ""
 
     async def stop_driven(self, keys: Iterable[str], why: str) -> None:
         """Stop what somebody drove who is not there any more; what others drive goes on."""
@@ -302,8 +333,10 @@ class ServedBus:
         self.audit.note("server", "deadman", self.name, ", ".join(said), {"why": why}, failed or "done")
         self.events.tell("deadman", bus=self.name, servos=said, why=why, failed=failed)
 
-    def resume(self, actor: Actor) -> None:
+    async def resume(self, actor: Actor) -> None:
         """Let servos be moved again after a stop, once WINDOW is over. Moves nothing."""
+        if self._owner is not None:
+            await self._owner.resume(self.name)
         if self.stopped_by:
             self.stopped_by = ""
             self.audit.note(actor.name, "resume", self.name, "", {})

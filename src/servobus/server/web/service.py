@@ -18,12 +18,14 @@ from servobus.errors import ServobusError, StopFailed, UnknownName, UsageError
 from servobus.families import registry
 from servobus.families.present import model_entry, servo_entry
 from servobus.jobs.scan import ScanProgress
+from servobus.remote.managing import Happened
 from servobus.server.web.audit import Audit
 from servobus.server.web.entries import snapshot_entry
 from servobus.server.web.errors import TooMany
 from servobus.server.web.feeds import Events, Feed
 from servobus.server.web.holders import Driven, Holder
 from servobus.server.web.jobs import Jobs, ServerJob
+from servobus.server.web.owner_link import OwnerLink, event_data
 from servobus.server.web.served_bus import Actor, ServedBus
 from servobus.server.web.served_robot import ServedRobot
 from servobus.server.web.values import key_of
@@ -52,13 +54,17 @@ class Service:
         self.buses: dict[str, ServedBus] = {}
         self.robots: dict[str, ServedRobot] = {}
         self._recordings, self._opened = recordings, opened
+        self._owner: OwnerLink | None = None
+        self._taking: set[asyncio.Future[None]] = set()
 
     async def close(self) -> None:
         """Make safe what this process drives, and give all ports back."""
         await self.jobs.close()
         for name in list(self.buses):
             with suppress(ServobusError):
-                await self.close_bus("server", name)
+                await self._leave(name)
+        if self._owner is not None:
+            await self._owner.close()
 
     # Buses
 
@@ -68,34 +74,78 @@ class Service:
             raise UnknownName(f"there is no bus {name[:40]!r} (there are: {', '.join(self.buses) or 'none'})")
         return self.buses[name]
 
-    def open_bus(self, by: str, name: str, port: str) -> ServedBus:
+    async def join(self, owner: OwnerLink) -> None:
+        """Take the buses of the process that owns the ports, and all that it tells. Raises PortError."""
+        self._owner = owner
+        for name, port in (await owner.connect(self._happened)).items():
+            await self._take(name, port)
+
+    async def open_bus(self, by: str, name: str, port: str) -> ServedBus:
         """Open a port. Asks nothing, moves nothing. Raises UsageError for a name that is taken, PortError."""
         if name in self.buses:
             raise UsageError(f"there is a bus {name!r} already")
         if len(self.buses) >= MOST_BUSES:
             raise TooMany(f"{MOST_BUSES} buses are open already")
-        bus = self._opened(port)
-        self.buses[name] = ServedBus(name, port, bus, events=self.events, jobs=self.jobs, audit=self.audit)
+        if self._owner is None:
+            self._add(name, port, self._opened(port))
+        else:
+            await self._owner.open_bus(name, port)
+            await self._take(name, port)
         self.audit.note(by, "open", name, "", {"port": port})
         self.events.tell("opened", bus=name, port=port)
         return self.buses[name]
+
+    async def _take(self, name: str, port: str) -> None:
+        """Have a bus of the owner of the ports here too."""
+        assert self._owner is not None
+        bus = await self._owner.bus(name)
+        if name not in self.buses:
+            self._add(name, port, bus)
+
+    def _add(self, name: str, port: str, bus: AsyncBus) -> None:
+        self.buses[name] = ServedBus(
+            name, port, bus, events=self.events, jobs=self.jobs, audit=self.audit, owner=self._owner
+        )
+
+    def _happened(self, event: Happened) -> None:
+        """Pass on what the owner of the ports tells, and follow it."""
+        served = self.buses.get(event.bus)
+        data = event_data(event)
+        if event.what == "opened":
+            if served is None:
+                task = asyncio.ensure_future(self._take(event.bus, str(data.get("port", ""))))
+                self._taking.add(task)
+                task.add_done_callback(self._taking.discard)
+            return
+        if served is not None:
+            served.follow(event.what, data)
+        self.events.tell(event.what, **data)
 
     async def close_bus(self, by: str, name: str) -> None:
         """Make safe what a bus drives, and give its port back. Raises UsageError while a robot uses it."""
         bus = self.bus(name)
         if users := [robot.name for robot in self.robots.values() if name in robot.ports and by != "server"]:
             raise UsageError(f"the robot {', '.join(users)} uses the bus {name}")
-        self.jobs.break_off(name)
-        del self.buses[name]
-        await bus.close()
+        await self._leave(bus.name)
+        if self._owner is not None:
+            await self._owner.close_bus(name)
         self.audit.note(by, "close", name, "", {})
         self.events.tell("closed", bus=name)
+
+    async def _leave(self, name: str) -> None:
+        self.jobs.break_off(name)
+        await self.buses.pop(name).close()
 
     # Stopping
 
     async def stop(self, actor: Actor) -> dict[str, dict[str, str]]:
         """Stop everything: bus -> key -> what was done. Raises StopFailed, when all had their turn."""
         names = list(self.buses)
+        if self._owner is not None:
+            for served in self.buses.values():
+                served.latch(actor)
+            await self._owner.stop()
+            return {name: {} for name in names}
         outcomes = await asyncio.gather(*(self.buses[name].stop(actor) for name in names), return_exceptions=True)
         failures = {name: one for name, one in zip(names, outcomes, strict=True) if isinstance(one, Exception)}
         done = {name: one for name, one in zip(names, outcomes, strict=True) if isinstance(one, dict)}

@@ -13,6 +13,7 @@ from servobus import FormatError
 from servobus.robots.file.reading import read_file, read_text
 from servobus.robots.file.writing import edited
 from servobus.robots.formats import d6a, move
+from servobus.robots.formats import mtn as mtn_format
 from servobus.robots.formats.base import Given
 from servobus.robots.motions.motion import motion_of
 from unit.robots.arms import SIX
@@ -147,3 +148,80 @@ def test_times_are_put_in_order() -> None:
 def test_a_wrong_move_is_refused(data: bytes, words: str) -> None:
     with pytest.raises(FormatError, match=words):
         move.onto(data, read_text(SIX), Given("nod.move"))
+
+
+# RoboPlus
+
+
+def row(words: dict[int, object], *more: object) -> str:
+    return " ".join(map(str, [*(words.get(id, 0) for id in range(26)), *more]))
+
+
+def mtn(*pages: str, ids: tuple[int, ...] = (1, 2, 7)) -> bytes:
+    lines = ["type=motion", "version=1.01", f"enable={row(dict.fromkeys(ids, 1))}", *pages]
+    return "\r\n".join(lines).encode("utf-8-sig")
+
+
+def page(name: str, *steps: str, play: str = "0 0 1 1 32") -> str:
+    compliance = f"compliance={row(dict.fromkeys(range(26), 5))}"
+    parts = ["page_begin", f"name={name}", compliance, f"play_param={play}", *(f"step={one}" for one in steps)]
+    return "\r\n".join([*parts, "page_end"])
+
+
+WAVE = (row({1: 512, 2: 512, 7: 100}, 0, 0.5), row({1: 612, 2: 512}, 0.4, 1), row({1: 512, 2: 412}, 0, 0.6))
+
+
+def robot_plus(data: bytes, text: str = SIX, **said: Any) -> Any:
+    file = read_text(text)
+    changes = mtn_format.onto(data, file, Given("robot.mtn", **said))
+    return read_text(edited(file, changes.changes)), changes
+
+
+def test_pages_of_robot_plus_are_motions() -> None:
+    data = mtn(page("Wave 1", *WAVE, play="0 0 1 2.0 32"), page(""), page("Bow", *WAVE, play="3 0 1 1 32"))
+    file, changes = robot_plus(data)
+    wave = file.motions["Wave_1"]
+    # Rate 2: way 0.5 s, pause 0.2 s, way 0.3 s; the way to the first pose is not part of it.
+    assert [step.time for step in wave.steps] == [0.0, 0.5, 0.7, 1.0]
+    assert [step.time for step in file.motions["Bow"].steps] == [0.0, 1.0, 1.4, 2.0]
+    # base: zero 150°; lift: zero 120°, turned round. 1023 counts are 300°: 512 are 150.147°, 612 are 179.472°.
+    assert wave.steps[0].joints == {"base": "0.1466deg", "lift": "-30.1466deg"}
+    assert wave.steps[1].joints == wave.steps[2].joints == {"base": "29.4721deg", "lift": "-30.1466deg"}
+    assert wave.steps[3].joints == {"base": "0.1466deg", "lift": "-0.8211deg"}
+    notes = " ".join(changes.notes)
+    assert "Servo7" in notes
+    assert 'page "Bow" is repeated, or goes on with another' in notes
+    assert "Wave" not in notes
+    assert motion_of(file, "Wave_1").times == (0.0, 0.5, 0.7, 1.0)
+
+
+def test_one_page_of_robot_plus_is_named() -> None:
+    data = mtn(page("Wave", *WAVE), page("Bow", *WAVE))
+    assert list(robot_plus(data, motion="Bow")[0].motions) == ["wave", "Bow"]
+    assert list(robot_plus(mtn(page("Wave", *WAVE)), motion="hello")[0].motions) == ["wave", "hello"]
+    with pytest.raises(FormatError, match='its pages are "Wave", "Bow"'):
+        robot_plus(data, motion="Nod")
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (mtn(page("a", row({1: 1024}, 0, 1), row({1: 512}, 0, 1)), ids=(1,)), "counts of an AX-12 are 0 to 1023"),
+        (mtn(page("a", row({1: 0}, 0, 1), row({1: 512}, 0, 1)), ids=(1,)), "outside its limits"),
+        (mtn(page("a", row({1: 512}, 0, 1), row({1: 512}, 0, 0)), ids=(1,)), "a step needs time"),
+        (mtn(page("a", "1 2 3")), "is no row of 28 numbers"),
+        (mtn(page("a", row({1: "x"}, 0, 1))), "is no row of 28 numbers"),
+        (mtn(page("a", *WAVE, play="0 0 1 0 32")), "rate of a page is above 0"),
+        (mtn(page("wave", *WAVE)), "has a motion wave already"),
+        (mtn(page("a", *WAVE), ids=(20,)), "none of its servos is a joint"),
+        (mtn(), "no page with two poses"),
+    ],
+)
+def test_motion_files_of_robot_plus_that_make_no_motion_are_refused(data: bytes, words: str) -> None:
+    with pytest.raises(FormatError, match=words):
+        robot_plus(data)
+
+
+def test_servos_with_other_counts_are_refused() -> None:
+    with pytest.raises(FormatError, match="wrist is a LX-16A, which has other counts than an AX-12"):
+        robot_plus(mtn(page("a", *WAVE)), joints={"Servo1": "wrist"})

@@ -24,12 +24,14 @@ def test_what_is_written_is_recognised(name: str) -> None:
     write = FORMATS[name].write
     assert write is not None
     made = write(read_text(SIX))
-    assert recognised(made.text.encode(), "x").name == {"ros2_control": "urdf"}.get(name, name)
+    assert recognised(made.text.encode(), "x").name == name
 
 
 def test_strange_files_are_refused_with_the_names_of_all() -> None:
     for data in (b"", b"{}", b"PK\x03\x04", b"[robot]\nformat = 1\n"):
-        with pytest.raises(FormatError, match=r"--format: lerobot .*, pypot .*, robotis .*, urdf .*, d6a .*, move"):
+        with pytest.raises(
+            FormatError, match=r"--format: lerobot .*, pypot .*, robotis .*, ros2_control .*, urdf .*, d6a"
+        ):
             recognised(data, "x")
 
 

@@ -12,7 +12,8 @@ from servobus.core.units import deg, parse
 from servobus.robots.file.reading import read_text
 from servobus.robots.file.writing import edited
 from servobus.robots.formats import ros2_control, urdf
-from servobus.robots.formats.base import Given
+from servobus.robots.formats.base import ALL, Given
+from servobus.robots.formats.draft import draft_text
 from unit.robots.arms import JOINTS, SIX
 
 LIMIT = '<limit lower="-1.0" upper="0.5" effort="3" velocity="2.0"/>'
@@ -146,3 +147,86 @@ def test_a_robot_without_a_dynamixel_is_refused() -> None:
     text = '[robot]\nformat = 1\n[port.p]\npath = "x"\n[joint.a]\nport = "p"\nmodel = "lx16a"\nid = 1\n'
     with pytest.raises(FormatError, match="Dynamixel servos alone"):
         ros2_control.write(read_text(text))
+
+
+# Coming in
+
+CONTROL = """\
+<ros2_control name="arm" type="system">
+  <hardware>
+    <plugin>dynamixel_hardware/DynamixelHardware</plugin>
+    <param name="port_name">/dev/ttyUSB0</param>
+    <param name="baud_rate">1000000</param>
+  </hardware>
+  <joint name="base">
+    <param name="id">3</param>
+    <param name="gear_ratio">-2.0</param>
+    <param name="offset">0.25</param>
+    <param name="Profile_Velocity">100</param>
+    <command_interface name="position"/>
+  </joint>
+  <joint name="tip"><param name="id">4</param></joint>
+</ros2_control>
+"""
+
+
+def taken(data: bytes, **models: str) -> tuple[str, str]:
+    draft = ros2_control.new(data, Given("arm.urdf", models=models or {ALL: "mx28"}))
+    return draft_text(draft, "arm"), " ".join(draft.notes)
+
+
+def test_servos_of_dynamixel_hardware_come_in() -> None:
+    text, notes = taken(robot(joint("base"), CONTROL))
+    file = read_text(text)
+    base, tip = file.joints.values()
+    assert file.ports["ttyUSB0"].path == "/dev/ttyUSB0"
+    assert (base.name, base.id, base.baud, base.model.key(), base.direction, base.ratio) == (
+        "base", 3, 1_000_000, "mx28", -1, 2.0,
+    )  # fmt: skip
+    # joint = (servo - middle) / gear_ratio - offset; an MX-28 has 4096 counts a turn (e-manual)
+    middle = 180 * deg
+    for servo in (1.0, 3.0, 5.0):
+        assert base.servos[0].axis.to_joint(servo) == pytest.approx((servo - middle) / -2 - 0.25, abs=2e-6)
+        assert tip.servos[0].axis.to_joint(servo) == pytest.approx(servo - middle, abs=2e-6)
+    assert base.limits == pytest.approx((-1.0, 0.5), abs=2e-6)
+    assert base.speed == pytest.approx(2.0, abs=2e-6)
+    assert tip.limits is None
+    assert "base has parameters that were left out, for they are raw values of registers: Profile_Velocity" in notes
+
+
+def test_a_robot_goes_to_ros2_control_and_comes_back() -> None:
+    file = read_text(SIX)
+    back = read_text(taken(ros2_control.write(file).text.encode(), **{ALL: "rx28"})[0])
+    for name, one in (("base", "base"), ("lift", "lift"), ("lift_mirror", "lift")):
+        servo = file.joints[one].servos[name != one]
+        mine = back.joints[name]
+        assert (mine.id, mine.servos[0].baud) == (servo.id, servo.model.factory_baud)
+        assert mine.servos[0].axis.zero == pytest.approx(servo.axis.zero, abs=2e-5)
+        assert (mine.direction, mine.ratio) == (servo.axis.direction, servo.axis.ratio)
+        if name == one:
+            assert mine.limits == pytest.approx(file.joints[one].range, abs=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "models", "words"),
+    [
+        ("", "", {"tip": "mx28"}, "--model base=mx28"),
+        ("", "", {ALL: "lx16a"}, "drives Dynamixel servos alone"),
+        (">3<", ">x<", {ALL: "mx28"}, 'the id of base is "x"'),
+        (">3<", ">254<", {ALL: "mx28"}, "ids are 0 to 253"),
+        (">-2.0<", ">0<", {ALL: "mx28"}, "gear_ratio of base is 0"),
+        (">-2.0<", ">two<", {ALL: "mx28"}, 'gear_ratio of base is "two", which is no number'),
+        ("dynamixel_hardware/", "other/", {ALL: "mx28"}, "no joint of dynamixel_hardware"),
+        ('"tip"', '"base"', {ALL: "mx28"}, "two of its entries would be called base"),
+    ],
+)
+def test_tags_that_make_no_robot_are_refused(old: str, new: str, models: dict[str, str], words: str) -> None:
+    with pytest.raises(FormatError, match=words):
+        taken(robot(joint("base"), CONTROL.replace(old, new)), **models)
+
+
+def test_the_port_may_be_open_or_said() -> None:
+    bare = robot(CONTROL.replace('<param name="port_name">/dev/ttyUSB0</param>', ""))
+    assert read_text(taken(bare)[0]).ports["bus"].path == "?"
+    draft = ros2_control.new(bare, Given("arm.urdf", {ALL: "/dev/ttyUSB7"}, {ALL: "mx28"}))
+    assert read_text(draft_text(draft, "arm")).ports["bus"].path == "/dev/ttyUSB7"

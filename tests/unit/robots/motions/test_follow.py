@@ -10,7 +10,7 @@ from servobus import TorqueOff, deg
 from servobus.errors import BadValue, BusError, UnknownName, UsageError
 from servobus.robots.file.reading import read_text
 from servobus.robots.motions.motion import limits_of
-from unit.robots.played_arm import ARM, goals_in, opened, port_of
+from unit.robots.arms import LIVE, goals_in, opened, port_of
 
 RATE = 50.0
 
@@ -25,7 +25,7 @@ def test_goals_may_jump_and_no_limit_is_exceeded_on_the_wire(jerk: float | None)
         sent: dict[str, list[float]] = {"base": [], "grip": []}
         for n, _ in enumerate(follow):
             if n % 12 == 0:
-                follow.aim(base=(40 if n % 24 else -40) * deg, grip=(-30 if n % 24 else 30) * deg)
+                follow.aim(base=(40 if n % 24 else -40) * deg, grip=(10 if n % 24 else 60) * deg)
             if n == 100:
                 follow.stop()
             for name, goals in sent.items():
@@ -87,14 +87,14 @@ def test_nothing_follows_without_torque_and_a_silent_joint_ends_it() -> None:
                 if n == 20:
                     port.rig.unplug(port.servos, port.now())
         stood = goals_in(arm, "base")
-        port_of(arm, "left").sleep(0.5)
+        port_of(arm, "base").sleep(0.5)
         assert goals_in(arm, "base") == stood
         assert arm["base"].position() < 100 * deg
 
 
 def test_an_asynchronous_robot_follows_the_same() -> None:
     async def followed() -> float:
-        async with servobus.robot_async(read_text(ARM)) as arm, arm.torque():
+        async with servobus.robot_async(read_text(LIVE)) as arm, arm.torque():
             follow = arm.follow("base", rate=RATE)
             follow.aim(base=20 * deg)
             async for tick in follow:

@@ -15,7 +15,7 @@ from servobus.robots.motions.motion import Motion, limits_of, read_samples, samp
 from servobus.robots.motions.play import BlockingPlay, PlayTick
 from servobus.robots.steps import RobotJob
 from servobus.virtual.physics.motor import Load
-from unit.robots.played_arm import ARM, goals_in, opened, port_of, servos_of, shaft_angles
+from unit.robots.arms import LIVE, goals_in, opened, port_of, servos_of, shaft_angles
 
 STEP = {"rx28": 0.3 * deg, "drs0602": 0.163 * deg, "lx16a": 0.24 * deg}
 """What one unit of position is, as the manuals say: it is what rounding may add to a goal."""
@@ -28,9 +28,9 @@ def unit(arm: Robot, joint: str) -> float:
 
 @pytest.mark.parametrize("shape", ["cubic", "quintic", "pchip"])
 def test_no_goal_on_the_wire_leaves_a_limit_of_speed_or_acceleration(shape: str) -> None:
-    text = ARM.replace("[motion.wave]", f'[motion.wave]\npath = "{shape}"')
+    text = LIVE.replace("[motion.bow]", f'[motion.bow]\npath = "{shape}"')
     with opened(text) as arm, arm.torque():
-        play = arm.play("wave", rate=50)
+        play = arm.play("bow", rate=50)
         sent: dict[str, list[float]] = {joint.name: [] for joint in play.joints}
         for _ in play:
             for name, goals in sent.items():
@@ -51,11 +51,11 @@ def test_no_goal_on_the_wire_leaves_a_limit_of_speed_or_acceleration(shape: str)
 def test_the_arm_comes_where_the_motion_ends_and_both_servos_of_a_joint_together() -> None:
     with opened() as arm, arm.torque():
         apart = 0.0
-        for _ in arm.play("wave", rate=50):
-            one, other = shaft_angles(arm, "shoulder")
+        for _ in arm.play("bow", rate=50):
+            one, other = shaft_angles(arm, "lift")
             apart = max(apart, abs(one - other))
         assert apart < 1 * deg
-        for name, angle in arm.pose("rest").items():
+        for name, angle in arm.pose("home").items():
             assert arm[name].position() == pytest.approx(angle, abs=1 * deg)
 
 
@@ -100,7 +100,7 @@ def test_pause_resume_and_stop() -> None:
         assert play.stopped
         assert play.over
         here = arm.positions()
-        port_of(arm, "left").sleep(0.5)
+        port_of(arm, "base").sleep(0.5)
         assert arm.positions()["base"] == pytest.approx(here["base"], abs=0.6 * deg)
 
 
@@ -126,8 +126,8 @@ def test_slow_motion_takes_longer_and_a_loop_begins_again() -> None:
 def test_nothing_is_played_without_torque_and_the_limp_joints_are_named() -> None:
     with opened() as arm:
         arm["base"].torque_on()
-        with pytest.raises(TorqueOff, match="shoulder, elbow, wrist, roll, grip: torque is off"):
-            arm.play("wave", rate=50).wait()
+        with pytest.raises(TorqueOff, match="lift, elbow, turn, wrist, grip: torque is off"):
+            arm.play("bow", rate=50).wait()
 
 
 def test_a_motion_outside_the_limits_is_refused_before_anything_moves() -> None:
@@ -135,7 +135,7 @@ def test_a_motion_outside_the_limits_is_refused_before_anything_moves() -> None:
         with pytest.raises(BadValue, match=r"base: 130\.0° at 1 s is outside its limits, -120\.0° \.\. 120\.0°"):
             arm.play(Motion((0.0, 1.0), {"base": (0.0, 130 * deg)}))
         # A cubic swings beyond its poses.
-        swing = Motion((0.0, 0.5, 1.0, 1.5), {"grip": (0.0, 79 * deg, 79 * deg, 0.0)}, "cubic")
+        swing = Motion((0.0, 0.5, 1.0, 1.5), {"grip": (0.0, 69.5 * deg, 69.5 * deg, 0.0)}, "cubic")
         with pytest.raises(BadValue, match="grip"):
             arm.play(swing)
         with pytest.raises(UnknownName, match="no motion 'wav'; there are wave"):
@@ -144,7 +144,7 @@ def test_a_motion_outside_the_limits_is_refused_before_anything_moves() -> None:
 
 def standing(arm: Robot) -> None:
     """Make sure that no joint moves any more."""
-    port_of(arm, "left").sleep(0.5)
+    port_of(arm, "base").sleep(0.5)
     arm.ports.align(arm.ports.now())
     before = {joint.name: shaft_angles(arm, joint.name) for joint in arm}
     arm.ports.align(arm.ports.now() + 1.0)
@@ -166,9 +166,9 @@ def test_a_cable_that_comes_off_stops_all_joints() -> None:
         gone = servos_of(arm, "elbow")
 
         def pull() -> None:
-            port_of(arm, "right").rig.unplug(gone, port_of(arm, "right").now())
+            port_of(arm, "upper").rig.unplug(gone, port_of(arm, "upper").now())
 
-        play = arm.play("wave", rate=50)
+        play = arm.play("bow", rate=50)
         with pytest.raises(BusError, match="elbow does not answer any more; all joints of the motion were stopped"):
             broken_at(play, 20, pull)
         standing(arm)
@@ -176,7 +176,7 @@ def test_a_cable_that_comes_off_stops_all_joints() -> None:
 
 def test_a_servo_that_restarts_stops_all_joints_and_is_told() -> None:
     with opened() as arm, arm.torque():
-        port = port_of(arm, "right")
+        port = port_of(arm, "upper")
         again = servos_of(arm, "elbow")
 
         def restart() -> None:
@@ -187,7 +187,7 @@ def test_a_servo_that_restarts_stops_all_joints_and_is_told() -> None:
         with pytest.raises(
             (TorqueOff, BusError), match=r"elbow (has no torque any more: it restarted|does not answer)"
         ):
-            broken_at(arm.play("wave", rate=50), 20, restart)
+            broken_at(arm.play("bow", rate=50), 20, restart)
         standing(arm)
 
 
@@ -199,7 +199,7 @@ def test_a_joint_that_is_held_stops_all_joints() -> None:
                 servo.shaft.load = Load(blocked=True)
 
         with pytest.raises(Stopped, match=r"grip stays .* behind its goal"):
-            broken_at(arm.play("wave", rate=50), 20, hold)
+            broken_at(arm.play("bow", rate=50), 20, hold)
         standing(arm)
 
 
@@ -207,7 +207,7 @@ def test_a_port_that_goes_away_stops_the_joints_of_the_others() -> None:
     with opened() as arm:
         arm.torque_on()
         with pytest.raises(PortLost):
-            broken_at(arm.play("wave", rate=50), 20, lambda: port_of(arm, "hand").inject("gone#1"))
+            broken_at(arm.play("bow", rate=50), 20, lambda: port_of(arm, "hand").inject("gone#1"))
         standing(arm)
 
 
@@ -218,27 +218,27 @@ def test_the_goal_speed_of_a_move_before_does_not_slow_the_motion_and_comes_back
         held = servos_of(arm, "base")[0]
         row = held.model.register("goal_speed")
         raw = held.memory[row]
-        behind = max(abs(tick.goals["base"] - tick.positions["base"]) for tick in arm.play("wave", rate=50))
+        behind = max(abs(tick.goals["base"] - tick.positions["base"]) for tick in arm.play("bow", rate=50))
         assert behind < 8 * deg
         assert servos_of(arm, "base")[0].memory[row] == raw
 
 
 def test_an_asynchronous_robot_plays_the_same() -> None:
     async def played() -> float:
-        async with servobus.robot_async(read_text(ARM)) as arm, arm.torque():
+        async with servobus.robot_async(read_text(LIVE)) as arm, arm.torque():
             await arm.play("nod", rate=50).wait()
             return await arm["base"].position()
 
     assert asyncio.run(played()) == pytest.approx(0.0, abs=1 * deg)
 
 
-SAMPLES = "time,base,grip\n0.0000,0.000,10.000\n0.5000,20.000,-5.500\n1.0000,0.000,10.000\n"
+SAMPLES = "time,base,grip\n0.0000,0.000,10.000\n0.5000,20.000,5.500\n1.0000,0.000,10.000\n"
 
 
 def test_samples_are_text_both_ways() -> None:
     motion = samples_of(SAMPLES, "wave.csv")
     assert motion.times == (0.0, 0.5, 1.0)
-    assert motion.poses["grip"] == pytest.approx((10 * deg, -5.5 * deg, 10 * deg))
+    assert motion.poses["grip"] == pytest.approx((10 * deg, 5.5 * deg, 10 * deg))
     assert samples_text(motion) == SAMPLES
 
 
@@ -264,7 +264,7 @@ def test_wrong_samples_are_refused_with_their_line(text: str, said: str) -> None
 def test_a_motion_of_samples_stands_beside_the_robot_file(tmp_path: Path) -> None:
     folder = tmp_path
     (folder / "wave.csv").write_text(SAMPLES)
-    (folder / "arm.toml").write_text(ARM + '\n[motion.recorded]\nfile = "wave.csv"\npath = "pchip"\n')
+    (folder / "arm.toml").write_text(LIVE + '\n[motion.recorded]\nfile = "wave.csv"\npath = "pchip"\n')
     with servobus.robot(folder / "arm.toml") as arm:
         assert arm.play("recorded").duration == pytest.approx(1.0)
     with pytest.raises(servobus.UsageError, match=r"no\.csv: cannot be read"):

@@ -11,7 +11,7 @@ from servobus.robots.motions.motion import Motion
 from servobus.robots.motions.recording import Moment, read_recording, recorder
 from servobus.robots.motions.thinning import GAP, kept, thinned
 from servobus.robots.trajectory.spline import spline
-from unit.robots.played_arm import opened
+from unit.robots.arms import opened
 
 MOMENTS = [
     Moment(0.0, {"base": 1 * deg, "grip": -2 * deg}, {"base": 1.5 * deg}),

@@ -18,7 +18,7 @@ from servobus.robots.motions.motion import Motion, motion_of
 from servobus.robots.motions.recording import read_recording
 from servobus.robots.motions.teach import BlockingTeach, TeachTick
 from servobus.robots.trajectory.spline import spline
-from unit.robots.played_arm import ARM, opened, port_of, servos_of
+from unit.robots.arms import LIVE, opened, port_of, servos_of
 
 SWING = 40 * deg
 
@@ -133,7 +133,7 @@ def test_a_joint_that_is_silent_for_long_ends_it_and_nothing_is_lost(tmp_path: P
 def test_a_servo_that_restarts_leaves_a_gap_that_is_told() -> None:
     with opened() as arm:
         teach = arm.teach("base", "elbow")
-        port = port_of(arm, "right")
+        port = port_of(arm, "upper")
         gone = servos_of(arm, "elbow")
         for tick in taught(arm, teach):
             if 1.0 <= tick.time < 1.02:
@@ -157,7 +157,7 @@ def test_a_port_that_is_gone_ends_it_with_all_that_was_recorded(tmp_path: Path) 
 
 def test_an_asynchronous_robot_teaches_the_same() -> None:
     async def recorded() -> int:
-        async with servobus.robot_async(read_text(ARM)) as arm:
+        async with servobus.robot_async(read_text(LIVE)) as arm:
             teach = arm.teach("base")
             async for tick in teach:
                 if tick.time >= 0.5:
@@ -173,11 +173,11 @@ def test_an_asynchronous_robot_teaches_the_same() -> None:
 @pytest.fixture
 def file(tmp_path: Path) -> RobotFile:
     path = tmp_path / "arm.toml"
-    path.write_text(ARM.replace("[group]", "# Who belongs together.\n[group]"))
+    path.write_text(LIVE.replace("[group]", "# Who belongs together.\n[group]"))
     return read_file(path)
 
 
-MOTION = Motion((0.0, 0.5, 1.25), {"base": (0.0, 20 * deg, 0.0), "grip": (0.0, -10 * deg, 5 * deg)})
+MOTION = Motion((0.0, 0.5, 1.25), {"base": (0.0, 20 * deg, 0.0), "grip": (0.0, 10 * deg, 5 * deg)})
 
 
 @pytest.mark.parametrize("keep", [keep_steps, keep_samples])
@@ -190,7 +190,7 @@ def test_a_motion_that_is_kept_is_read_again_and_comments_stay(file: RobotFile, 
     assert motion.shape == "pchip"
     for name, angles in MOTION.poses.items():
         assert motion.poses[name] == pytest.approx(angles, abs=1e-5)
-    assert set(again.motions) == {"wave", "nod", "swing"}
+    assert set(again.motions) == {"wave", "bow", "nod", "swing"}
 
 
 def test_no_motion_is_replaced_unless_told_and_its_samples_stay(file: RobotFile, tmp_path: Path) -> None:

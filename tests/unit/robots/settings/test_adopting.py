@@ -1,11 +1,13 @@
+from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 
 import pytest
 
-from servobus import BusError, PortError, UsageError
+from servobus import MODELS, BusError, PortError, UsageError
 from servobus.core.registers import Area
 from servobus.errors import ServobusError
+from servobus.families.base import policy_register
 from servobus.robots.blocking import Robot
 from servobus.robots.settings import adopting
 from servobus.robots.settings.backups import Backups
@@ -17,8 +19,11 @@ OTHER_BAUD = {"rx28": 1_000_000, "drs0602": 57_600}
 """Speed of a new servo of each model that can have several."""
 
 
-def shop_of(folder: Path, key: str) -> Workshop:
-    """Make a robot of which servo 3 has died, and on whose wire a new one stands with id 9."""
+def shop_of(folder: Path, key: str, level: int | None = None) -> Workshop:
+    """Make a robot of which servo 3 has died, and on whose wire a new one stands with id 9.
+
+    `level` is what servo 3 answered: another than the new one does.
+    """
     limits = 'limits = ["-30deg", "60deg"]\nlimits_in_servo = true\n'
     zero = {"rx28": "150deg", "drs0602": "0deg", "lx16a": "120deg"}[key]
     joints = "".join(
@@ -35,6 +40,8 @@ def shop_of(folder: Path, key: str) -> Workshop:
         new.power_on(0.0)
     shop.unplug("wire", 9)
     with shop.open() as arm:
+        if level is not None:
+            arm["three"].servo.store({policy(key): level})
         arm.apply_settings()
     shop.unplug("wire", 3)
     shop.plug("wire", 9)
@@ -45,12 +52,17 @@ def adopt(shop: Workshop, arm: Robot) -> None:
     """Do what the command does."""
     bus = arm.buses["wire"]
     arm.check(strangers="near")
+    backups = Backups(arm.file)
+    if (left := adopting.left_over(arm.attendance, arm.joints, backups, None)) is not None:
+        with backups.adopting("three", 0, left[1]):
+            bus.do(adopting.finish(*left))
+        return
     vacancy = adopting.vacant(arm.attendance, arm.joints, None)
     found = bus.do(adopting.newcomer(bus, vacancy, [part for joint in arm for part in joint.parts], ids=range(10)))
-    backups = Backups(arm.file)
     plan = bus.do(adopting.adoption(vacancy, found, backups.last("three", 0), "last"))
     kept = backups.keep_new("three", 0, plan.before)
-    bus.do(adopting.carry_out(plan, "PORT", kept))
+    with backups.adopting("three", 0, plan.wanted):
+        bus.do(adopting.carry_out(plan, "PORT", kept))
 
 
 def settings(shop: Workshop, n: int) -> dict[str, int]:
@@ -89,6 +101,54 @@ def test_broken_off_anywhere_the_same_again_goes_on(tmp_path: Path, key: str) ->
             arm.apply_settings()
             assert arm.check()
         assert settings(shop, 3) == settings(shop, 2)
+
+
+@pytest.mark.parametrize(("key", "level"), [("rx28", 1), ("drs0602", 2)])
+def test_killed_in_its_place_before_it_answers_as_the_old_one_did_the_same_again_does_the_rest(
+    tmp_path: Path, key: str, level: int
+) -> None:
+    row = policy(key)
+    in_between = 0
+    for kill_at in count(1, 6):
+        folder = tmp_path / f"kill{kill_at}"
+        folder.mkdir()
+        shop = shop_of(folder, key, level)
+        killed = False
+        with shop.open() as arm:
+            shop.before = _when_in_place(shop, kill_at)
+            try:
+                adopt(shop, arm)
+            except Killed:
+                killed = True
+        shop.before = lambda _: None
+        in_between += settings(shop, 3)[row] != settings(shop, 2)[row]
+        with shop.open() as arm:
+            if not arm.check(strangers="near") or killed:
+                adopt(shop, arm)
+            assert not list((folder / "arm.backups" / "adopting").iterdir())
+            assert arm.check(strangers="near")
+        assert settings(shop, 3) == settings(shop, 2)
+        if not killed:
+            break
+    assert in_between
+
+
+def policy(key: str) -> str:
+    """Give the name of the register that says which requests a servo answers."""
+    row = policy_register(MODELS[key])
+    assert row is not None
+    return row.name
+
+
+def _when_in_place(shop: Workshop, at: int) -> Callable[[bytes], None]:
+    """End the program at this request after the new servo has its id, counted from 0."""
+    numbers = count()
+
+    def look(_: bytes) -> None:
+        if settings(shop, 3)["id"] == 3 and next(numbers) == at:
+            raise Killed
+
+    return look
 
 
 def _kill(shop: Workshop, at: int) -> None:

@@ -34,6 +34,7 @@ class Workshop:
     """Virtual servos by port, and a robot file for them in a folder; `open` gives a robot as a new program would.
 
     before   is called ahead of each request with its bytes
+    buses    the bus on each port, as the last program opened it
     """
 
     def __init__(self, folder: Path, text: str, ports: Mapping[str, str]) -> None:
@@ -42,7 +43,7 @@ class Workshop:
         head = "".join(f'[port.{name}]\npath = "virtual:{spec}"\n' for name, spec in ports.items())
         self.path.write_text(f"[robot]\nformat = 1\n{head}{text}", encoding="utf-8")
         self.before: Callable[[bytes], None] = lambda _: None
-        self._buses: dict[str, Bus] = {}
+        self.buses: dict[str, Bus] = {}
 
     def servo(self, port: str, id: int) -> VirtualServo:
         return next(servo for servo in self.rigs[port].servos if servo.id == id)
@@ -50,14 +51,14 @@ class Workshop:
     @property
     def now(self) -> float:
         """The time on the clock of the servos, s."""
-        return max((bus.transport.now() for bus in self._buses.values()), default=0.0)
+        return max((bus.transport.now() for bus in self.buses.values()), default=0.0)
 
     def unplug(self, port: str, id: int) -> None:
         self.rigs[port].unplug([self.servo(port, id)], self.now)
 
     def plug(self, port: str, id: int) -> None:
         self.rigs[port].plug([self.servo(port, id)], self.now)
-        for bus in self._buses.values():
+        for bus in self.buses.values():
             bus.transport.sleep(1.0)  # it starts
 
     def get(self, port: str, id: int, name: str) -> int:
@@ -81,7 +82,7 @@ class Workshop:
 
     def open(self) -> Robot:
         now = self.now
-        self._buses = {
+        self.buses = {
             name: Bus(KilledPort(name, rig, self._about_to, now), echo=False) for name, rig in self.rigs.items()
         }
-        return Robot(read_text(self.path.read_text(encoding="utf-8"), self.path), self._buses)
+        return Robot(read_text(self.path.read_text(encoding="utf-8"), self.path), self.buses)

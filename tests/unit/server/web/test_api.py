@@ -274,8 +274,11 @@ def test_jobs_can_be_broken_off_and_are_bounded() -> None:
 
             job = made.service.jobs.start("scan", "bench", "x", never)
             assert (await client.delete(f"/api/v1/jobs/{job.id}")).json()["state"] == "cancelled"
-            for _ in range(16):
-                made.service.jobs.start("scan", "bench", "x", never)
+            for _ in range(15):
+                made.service.jobs.start("move", "bench", "x", never)
+            made.service.jobs.start("doctor", "bench", "x", never)
+            twice = await client.post(f"{BENCH}/doctor", json={})
+            assert (twice.status_code, "running already" in error_of(twice)["message"]) == (409, True)
             refused = await client.post(f"{BENCH}/scan", json={"ids": [1]})
             assert (refused.status_code, error_of(refused)["type"]) == (429, "TooMany")
             await client.post(f"{BENCH}/stop")  # a stop breaks them off

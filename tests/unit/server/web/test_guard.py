@@ -3,6 +3,7 @@
 import asyncio
 import re
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from starlette.types import Message
 from servobus.server.web.app import WebApplication
 from servobus.server.web.auth import Role
 from servobus.server.web.config import WebConfig
+from servobus.server.web.headers import with_nonces
 from servobus.server.web.rules import RULES, rule_for
 from unit.server.web.rig import BASE, START, Rig, error_of, rig
 
@@ -70,7 +72,7 @@ def test_the_walk_finds_all_routes() -> None:
     assert {*OPEN, *ANYBODY} <= set(routes())
 
 
-def test_every_route_refuses_who_has_not_logged_in() -> None:
+def test_F27_every_route_refuses_who_has_not_logged_in() -> None:
     async def main() -> None:
         async with rig() as made:
             for headers in ({}, {"authorization": "Bearer wrong"}, {"authorization": "Basic eDp4"}):
@@ -91,7 +93,7 @@ def test_every_route_refuses_who_has_not_logged_in() -> None:
     asyncio.run(main())
 
 
-def test_every_route_refuses_another_host() -> None:
+def test_F27_every_route_refuses_another_host() -> None:
     async def main() -> None:
         async with rig() as made, made.client() as client:
             for host in ("evil.example:7380", "127.0.0.1:7381", "127.0.0.1", "", "127.0.0.1:7380.evil.example"):
@@ -107,7 +109,7 @@ def test_every_route_refuses_another_host() -> None:
     asyncio.run(main())
 
 
-def test_every_route_refuses_another_origin() -> None:
+def test_F27_every_route_refuses_another_origin() -> None:
     async def main() -> None:
         async with rig() as made, made.client() as client:
             foreign = [
@@ -132,7 +134,7 @@ def test_every_route_refuses_another_origin() -> None:
     asyncio.run(main())
 
 
-def test_a_cookie_alone_does_not_say_which_page_has_sent_a_request() -> None:
+def test_F27_a_cookie_alone_does_not_say_which_page_has_sent_a_request() -> None:
     async def main() -> None:
         async with rig() as made:
             secret, _ = await made.authority.exchange(START, "127.0.0.1")
@@ -141,6 +143,15 @@ def test_a_cookie_alone_does_not_say_which_page_has_sent_a_request() -> None:
                 assert (await client.get("/api/v1/buses")).status_code == 200
                 assert (await client.post("/api/v1/buses/bench/resume")).status_code == 403
                 assert (await client.post("/api/v1/buses/bench/resume", headers={"origin": BASE})).status_code == 200
+                forged = {"content-type": "application/x-www-form-urlencoded", "sec-fetch-site": "same-site"}
+                for origin in ("http://127.0.0.1:8000", "http://localhost:7380", "null"):
+                    answer = await client.post("/api/v1/stop", content="a=b", headers={**forged, "origin": origin})
+                    assert answer.status_code == 403
+                link = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate", "sec-fetch-dest": "document"}
+                assert (await client.get("/", headers=link)).status_code == 404  # let in; no page is mounted here
+                framed = {**link, "sec-fetch-dest": "iframe"}
+                assert (await client.get("/", headers=framed)).status_code == 403
+                assert (await client.get("/api/v1/buses", headers=link)).status_code == 403
             assert await socket(made, "/api/v1/live", {"host": HOST, **cookie}) == 403
             assert await socket(made, "/api/v1/live", {"host": HOST, **cookie, "origin": BASE}) == 101
             assert (
@@ -229,7 +240,7 @@ def test_headers_of_every_answer() -> None:
     ("path", "most"),
     [("/api/v1/buses/bench/scan", 64 << 10), ("/api/v1/buses/bench/servos/dynamixel:1@57600/restore", 1 << 20)],
 )
-def test_a_long_body_is_not_read_to_its_end(path: str, most: int) -> None:
+def test_F27_a_long_body_is_not_read_to_its_end(path: str, most: int) -> None:
     async def main() -> None:
         async with rig() as made, made.client() as client:
             given = 0
@@ -253,7 +264,7 @@ def test_a_long_body_is_not_read_to_its_end(path: str, most: int) -> None:
     asyncio.run(main())
 
 
-def test_a_long_message_of_a_socket_ends_it() -> None:
+def test_F27_a_long_message_of_a_socket_ends_it() -> None:
     async def main() -> None:
         async with rig() as made:
             sent: list[Message] = []
@@ -326,3 +337,43 @@ def test_no_secret_stands_in_an_answer_or_a_text() -> None:
             assert not [one for one in [*secrets, "topsecret"] if one in said]
 
     asyncio.run(main())
+
+
+def test_scripts_of_a_page_get_the_nonce_of_its_policy_and_nothing_else_is_touched() -> None:
+    page = b'<head><link rel="modulepreload" href="a.js"><link rel="stylesheet" href="b.css"></head><script>1</script>'
+    marked = (
+        b'<head><link nonce="N" rel="modulepreload" href="a.js"><link rel="stylesheet" href="b.css"></head>'
+        b'<script nonce="N">1</script>'
+    )
+
+    async def sent(headers: list[tuple[bytes, bytes]]) -> list[Message]:
+        messages: list[Message] = []
+
+        async def send(message: Message) -> None:
+            messages.append(message)
+
+        outer = with_nonces(send, "N")
+        await outer({"type": "http.response.start", "status": 200, "headers": headers})
+        await outer({"type": "http.response.body", "body": page[:20], "more_body": True})
+        await outer({"type": "http.response.body", "body": page[20:]})
+        return messages
+
+    start, body = asyncio.run(sent([(b"X-NiceGUI-Content", b"page"), (b"content-length", b"1")]))
+    assert body["body"] == marked
+    assert start["headers"][-1] == (b"content-length", b"%d" % len(marked))
+    _, *parts = asyncio.run(sent([(b"content-type", b"text/html")]))
+    assert b"".join(part["body"] for part in parts) == page
+
+
+def test_names_of_the_server_with_their_port() -> None:
+    config = WebConfig()
+    for host in ("127.0.0.1:7380", "localhost:7380", "[::1]:7380"):
+        assert config.goes_by(host, 7380)
+    for host in ("127.0.0.1", "127.0.0.1:80", "192.168.0.2:7380", "evil.example:7380", "", ":7380", "[::1]", "::1"):
+        assert not config.goes_by(host, 7380)
+    assert config.goes_by("127.0.0.1", 80)
+    lan = WebConfig(host="0.0.0.0", exposed=True, names=("robot.local",))
+    for host in ("192.168.0.2:7380", "[fe80::1]:7380", "robot.local:7380"):
+        assert lan.goes_by(host, 7380)
+    assert not lan.goes_by("evil.example:7380", 7380)  # a name can be made to lead here
+    assert WebConfig(host="0.0.0.0", certificate=Path("c"), key=Path("k"), password="x").goes_by("10.0.0.1", 443)

@@ -234,7 +234,7 @@ def test_messages_that_make_no_sense_end_nothing() -> None:
     asyncio.run(main())
 
 
-def test_ten_megabytes_and_a_flood_end_the_connection_that_sent_them() -> None:
+def test_F27_ten_megabytes_and_a_flood_end_the_connection_that_sent_them() -> None:
     async def main() -> None:
         async with served() as made, made.connect() as other:
             async with made.connect() as client:
@@ -252,7 +252,7 @@ def test_ten_megabytes_and_a_flood_end_the_connection_that_sent_them() -> None:
     asyncio.run(main())
 
 
-def test_both_sockets_are_refused_over_the_network_too() -> None:
+def test_F27_both_sockets_are_refused_over_the_network_too() -> None:
     async def main() -> None:
         async with served() as made:
             for path in ("/api/v1/live", "/_nicegui_ws/socket.io/"):
@@ -297,7 +297,7 @@ def test_fifty_clients_are_served_and_too_many_are_told_so() -> None:
     asyncio.run(main())
 
 
-def test_a_client_that_does_not_read_loses_telemetry_and_holds_up_nobody() -> None:
+def test_F27_a_client_that_does_not_read_loses_telemetry_and_holds_up_nobody() -> None:
     async def main() -> None:
         async with served() as made, made.connect(Role.VIEWER) as quick:
             await said(quick, "welcome")

@@ -59,7 +59,7 @@ async def anew(made: Served, robot: str) -> None:
     service.jobs.break_off(None)
     for name in list(service.buses):
         await service.close_bus("server", name)
-    bus = service.open_bus("server", "bench", SPEC).bus
+    bus = (await service.open_bus("server", "bench", SPEC)).bus
     for model, key in zip(("rx28", "rx28", "drs0602", "lx16a"), KEYS, strict=True):
         bus.attach(model, int(key.partition(":")[2].partition("@")[0]))
     await bus.torque_on()
@@ -102,6 +102,8 @@ def check(made: Served, operation: Any, checks: Any, seen: Counter[int]) -> None
         case = data.draw(operation.as_strategy(generation_mode=mode))
         if name not in HELD_BACK:
             with_real_names(case, lambda names: data.draw(st.sampled_from(names)))
+        if name[1].endswith(("/scan", "/doctor")) and isinstance(case.body, dict) and not case.body.get("ids"):
+            case.body["ids"] = [1]  # all ids take a while, and on this clock nothing else has its turn meanwhile
         made.web.asgi._rates._buckets.clear()
         made.service.bus("bench").stopped_by, made.service.bus("bench")._stopped_at = "", -math.inf
         case.headers = {**(case.headers or {}), "Authorization": f"Bearer {LOCAL}"}

@@ -18,7 +18,7 @@ async def buses(service: Svc) -> Json:
 @router.post("/buses", status_code=201, responses=gives(shapes.Bus, "The bus.", 201))
 async def open_bus(service: Svc, by: By, body: shapes.OpenBody) -> Json:
     """Open a port. Asks nothing, moves nothing."""
-    return Json(service.open_bus(by.name, body.name, body.port).entry(), status_code=201)
+    return Json((await service.open_bus(by.name, body.name, body.port)).entry(), status_code=201)
 
 
 @router.get("/buses/{bus}", responses=gives(shapes.Bus, "The bus."))

@@ -29,7 +29,7 @@ async def stop_bus(service: Svc, login: LoggedIn, bus: BusName, body: shapes.Sto
 @router.post("/buses/{bus}/resume", responses=gives(shapes.Bus, "The bus."))
 async def resume(service: Svc, by: By, bus: BusName) -> Json:
     """Let servos be moved again after a stop. Moves nothing."""
-    service.bus(bus).resume(by)
+    await service.bus(bus).resume(by)
     return Json(service.bus(bus).entry())
 
 
