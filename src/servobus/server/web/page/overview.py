@@ -202,8 +202,8 @@ def _open_button(context: PageContext) -> None:
         finally:
             dialog.delete()
         if sure and context.role >= Role.ADMIN:
-            opened = context.attempt_now(
-                lambda: context.service.open_bus(context.login.name, name.value.strip(), port.value.strip())
+            opened = await context.attempt(
+                context.service.open_bus(context.login.name, name.value.strip(), port.value.strip())
             )
             if opened is not None:
                 context.go("overview", bus=opened.name)

@@ -193,7 +193,7 @@ class Frame:
         )
         if sure:
             for bus in buses:
-                bus.resume(context.actor)
+                await context.attempt(bus.resume(context.actor))
 
 
 def stop_said(stopped: Mapping[str, str], buses: Sequence[str]) -> str:
