@@ -121,7 +121,8 @@ class Control:
         judged = self._judge(served, exchange, baud)
         for one in outcomes:
             if isinstance(one, Packet):
-                self._answered(served, judged, baud, one)
+                if exchange.replies:  # else it stands for the silence that was expected
+                    self._answered(served, judged, baud, one)
             elif isinstance(one, BusError) and not isinstance(one, Refused) and one is outcome:
                 self._unanswered(served, judged, baud, exchange.id)
         if not judged.effect.only_reads and not isinstance(outcome, ServobusError):

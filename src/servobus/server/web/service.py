@@ -145,6 +145,8 @@ class Service:
             for served in self.buses.values():
                 served.latch(actor)
             await self._owner.stop()
+            for name in names:
+                self.audit.note(actor.name, "stop", name, "", {})
             return {name: {} for name in names}
         outcomes = await asyncio.gather(*(self.buses[name].stop(actor) for name in names), return_exceptions=True)
         failures = {name: one for name, one in zip(names, outcomes, strict=True) if isinstance(one, Exception)}

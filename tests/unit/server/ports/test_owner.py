@@ -93,6 +93,20 @@ def talk(server: Owned, work: Callable[[Client], Awaitable[T]], token: str = TOK
 # Who may move what
 
 
+def test_servos_of_every_family_are_driven_and_let_go(tmp_path: Path) -> None:
+    """Also those whose requests nobody answers: silence that was expected is no answer."""
+    with (
+        Owned({"all": "virtual:rx28@1,drs0602@2,lx16a@3"}, tmp_path / "boxes") as hosted,
+        hosted.bus("all", models="lx16a") as bus,
+    ):
+        for servo in bus.scan(ids=[1, 2, 3]):
+            servo.torque_on()
+            assert servo.look().torque
+            servo.stop()
+            servo.torque_off()
+            assert not servo.look().torque
+
+
 def test_a_program_that_leaves_has_its_servos_made_safe_and_those_of_others_go_on(server: Owned) -> None:
     with server.bus("arm") as other:
         moving(other, 2)
