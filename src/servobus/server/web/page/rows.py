@@ -6,9 +6,8 @@ from typing import Any, TypeAlias
 
 from servobus.bus.asyncio import AsyncBusServo
 from servobus.core.units import show
-from servobus.errors import UnknownName
 from servobus.server.web.page.parts.alarms import alarms_said
-from servobus.server.web.values import key_of
+from servobus.server.web.values import key_of, optional_row
 
 Row: TypeAlias = dict[str, Any]
 WARM = 10.0
@@ -48,7 +47,7 @@ def first_row(servo: AsyncBusServo, name: str) -> Row:
 
 def angles(servo: AsyncBusServo) -> tuple[float | None, float | None]:
     """Give the angles in ° between which goals can be; None and None for more than a turn."""
-    row = _row(servo, "goal_position")
+    row = optional_row(servo, "goal_position")
     if row is None or row.unit != "rad":
         return None, None
     low, high = (math.degrees(row.decode(raw)) for raw in row.limits)
@@ -67,7 +66,7 @@ def live_row(servo: AsyncBusServo, sample: Mapping[str, Any]) -> Row:
         return {"state": "lost", "alarms": alarms}  # the caller waits until it is so for some time
 
     def found(name: str) -> Any:
-        row = _row(servo, name)
+        row = optional_row(servo, name)
         return None if row is None else values.get(row.name)
 
     volts, degrees, load = found("present_voltage"), found("present_temperature"), found("present_load")
@@ -82,7 +81,7 @@ def live_row(servo: AsyncBusServo, sample: Mapping[str, Any]) -> Row:
         "temp": _text(servo, "present_temperature", degrees),
         "temp_bad": _temp_bad(servo, degrees),
         "torque": _torque(found("torque_enable")),
-        "led": _light(found("led_control") if _row(servo, "led_control") else found("led")),
+        "led": _light(found("led_control") if optional_row(servo, "led_control") else found("led")),
         "alarms": alarms,
     }
 
@@ -97,15 +96,8 @@ def changed(old: Row, new: Mapping[str, Any]) -> Row:
 # Helpers
 
 
-def _row(servo: AsyncBusServo, name: str) -> Any:
-    try:
-        return servo.model.register(name)
-    except UnknownName:
-        return None
-
-
 def _unit(servo: AsyncBusServo, name: str) -> str:
-    row = _row(servo, name)
+    row = optional_row(servo, name)
     return "" if row is None else str(row.unit)
 
 
