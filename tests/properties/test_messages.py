@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import servobus.remote.protocol  # noqa: F401 - it has the messages
 from servobus import errors
 from servobus.core.exchange import Batch, Exchange, GroupExchange, LateAnswers, Pause, ReplyPattern, Settle
 from servobus.errors import BusError, ServobusError
 from servobus.families.registry import FAMILIES, MODELS
 from servobus.remote.faults import error_of, fault
 from servobus.remote.messages import KINDS, Malformed, decode, encode
+from servobus.remote.protocol import RequestReader, SentRequest
 from servobus.remote.steps import SentExchange, exchange_of, sent, step_of
 
 SIMPLE: dict[Any, st.SearchStrategy[Any]] = {
@@ -204,3 +204,45 @@ def test_what_is_no_request_is_refused(changes: dict[str, Any]) -> None:
     given = {name: getattr(gone, name) for name in SentExchange.__match_args__} | changes
     with pytest.raises(errors.UsageError):
         exchange_of(SentExchange(**given))
+
+
+# The reader of requests, which makes a step once
+
+
+def request(n: int, /, **changes: Any) -> bytes:
+    """Give the line of a request, with some fields of JSON changed or more of them."""
+    step = SentRequest(n, "arm", 57_600, 2, 0, 1.5, sent(FAMILIES["dynamixel"].ping(1)))
+    line = json.loads(encode(step))
+    return json.dumps(line | changes | {"step": line["step"]}, separators=(",", ":")).encode()
+
+
+def test_a_step_that_comes_again_is_the_same_and_all_else_is_read_anew() -> None:
+    reader = RequestReader()
+    first, again = reader.read(request(1)), reader.read(request(2, baud=1_000_000))
+    assert again.step is first.step
+    assert (again.n, again.baud) == (2, 1_000_000)
+    assert reader.read(request(3)) == decode(request(3))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"n": "2"}, {"more": 1}, {"bus": 7}, {"bus": ',"step":'}, {"more": {"a": 1, "step": 2}}, {"time": "NaN"}],
+)  # fmt: skip
+def test_a_known_step_makes_nothing_else_good(changes: dict[str, Any]) -> None:
+    def came(read: Callable[[bytes], Any]) -> Any:
+        try:
+            return read(request(2, **changes))
+        except Malformed:
+            return "malformed"
+
+    reader = RequestReader()
+    reader.read(request(1))
+    assert came(reader.read) == came(decode)
+
+
+@pytest.mark.parametrize("head", [b'{"k":"step"', b'{"k":"step","n":1', b'{"k":"step",', b'{"k":"step","n":{"a":1'])
+def test_the_reader_refuses_a_head_that_is_none(head: bytes) -> None:
+    reader = RequestReader()
+    reader.read(request(1))
+    with pytest.raises(Malformed):
+        reader.read(head + b',"step":' + request(1).partition(b',"step":')[2])

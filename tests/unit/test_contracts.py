@@ -59,6 +59,11 @@ VIOLATIONS = [
     ("rooms", "doctor.health", "cli.output"),
     ("rooms", "pytest_plugin", "cli.options"),
     ("rooms", "cli.output", "pytest_plugin"),
+    ("rooms", "remote.link", "bus.base"),
+    ("rooms", "jobs.scan", "remote.link"),
+    ("rooms", "link.link", "remote.steps"),
+    ("rooms", "robots.ports", "server.ports.gate"),
+    ("rooms", "server.ports.service", "cli.output"),
     ("rooms", "bus.base", ""),
     ("rooms", "core.exchange", ""),
     *[
@@ -67,6 +72,11 @@ VIOLATIONS = [
         for other in FAMILIES
         if one != other
     ],
+    ("remote", "remote.messages", "remote.port"),
+    ("remote", "remote.protocol", "remote.link"),
+    ("remote", "remote.port", "remote.session"),
+    ("server", "server.ports.service", "server.web.app"),
+    ("server", "server.web.app", "server.ports.service"),
     ("families", "families.dynamixel.firmware.servo", "families.herkulex.firmware.servo"),
     # What all firmware is built on finds a family's by name, when a servo is made: else one would import the others.
     ("families", "virtual.device.servo", "families.dynamixel.firmware"),

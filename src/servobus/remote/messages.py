@@ -21,8 +21,8 @@ A field that has a default may be left out, and is left out where it has it.
 
 import json
 import math
-from collections.abc import Callable
-from types import NoneType, UnionType
+from collections.abc import Callable, Mapping
+from types import MappingProxyType, NoneType, UnionType
 from typing import Any, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 T = TypeVar("T")
@@ -34,6 +34,7 @@ LONGEST = 1 << 20
 KINDS: dict[str, type] = {}
 """kind -> class of messages. A room that adds messages of its own adds them here by `message`."""
 
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 Coder: TypeAlias = Callable[[Any], Any]
 
 
@@ -64,24 +65,24 @@ def text(value: Any) -> str:
     return json.dumps(_shape(type(value)).encode(value), separators=(",", ":"), allow_nan=False)
 
 
-def decode(line: bytes | str) -> Any:
-    """Give the message of a line. Raises Malformed."""
+def decode(line: bytes | str, **known: Any) -> Any:
+    """Give the message of a line. Raises Malformed. Fields that are `known` already are not in the line."""
     try:
         found = json.loads(line, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
         raise Malformed(f"no JSON: {error}") from None
-    return from_json(found)
+    return from_json(found, **known)
 
 
-def from_json(found: Any) -> Any:
-    """Give the message that an object of JSON is. Raises Malformed."""
+def from_json(found: Any, **known: Any) -> Any:
+    """Give the message that an object of JSON is, with the fields that are `known` already. Raises Malformed."""
     kind = found.get("k") if isinstance(found, dict) else None
     if not isinstance(kind, str):
         raise Malformed(f"no object with a kind in k: {_said(found)}")
     cls = KINDS.get(kind)
     if cls is None:
         raise Malformed(f"unknown kind {_said(kind)}")
-    return _shape(cls).decode(found)
+    return _shape(cls).decode(found, known)
 
 
 def _no_number(constant: str) -> Any:
@@ -118,7 +119,7 @@ class _Shape:
                 given[name] = to(item)
         return given
 
-    def decode(self, found: Any) -> Any:
+    def decode(self, found: Any, known: Mapping[str, Any] = NOTHING) -> Any:
         if self._kind is None:
             return self._from_list(found)
         if not isinstance(found, dict) or found.get("k") != self._kind:
@@ -126,9 +127,11 @@ class _Shape:
         if found.keys() - {"k"} != self._coders.keys():
             if unknown := found.keys() - self._coders.keys() - {"k"}:
                 raise Malformed(f"{self._kind}: unknown field {_said(min(unknown))}")
-            if missing := self._needed - found.keys():
+            if missing := self._needed - found.keys() - known.keys():
                 raise Malformed(f"{self._kind}: {min(missing)} is missing")
-        values = dict(self._defaults)
+        if twice := found.keys() & known.keys():
+            raise Malformed(f"{self._kind}: {min(twice)} is there twice")
+        values = {**self._defaults, **known}
         for name, (_, back) in self._coders.items():
             if name in found:
                 try:

@@ -8,12 +8,16 @@ Several connections may belong to one session: those that give its id in their `
 the deadman are a session's; the connection that began the session feeds the deadman, and ends the session by its end.
 """
 
+from typing import Any
+
 from servobus.core.values import frozen
 from servobus.remote.faults import Fault
-from servobus.remote.messages import VERSION, message
-from servobus.remote.steps import Outcome, SentLateness, SentStep
+from servobus.remote.messages import VERSION, decode, message
+from servobus.remote.steps import Outcome, SentExchange, SentLateness, SentStep
 
 KINDS_OF_CLIENTS = ("program", "page", "api", "web")
+FEW = 2000
+"""Bytes of a step that is worth keeping."""
 ROLES = ("viewer", "operator", "admin")
 """What a session may do, each all that those before it may: look; move and set servos; open ports and the like."""
 
@@ -112,6 +116,32 @@ class SentRequest:
     hold: int
     time: float
     step: SentStep
+
+
+class RequestReader:
+    """Reads lines. The step of a `SentRequest`, which most programs send again and again, is made once."""
+
+    MANY = 1000
+
+    def __init__(self) -> None:
+        self._steps: dict[bytes, SentStep] = {}
+        """The text of a step -> the step."""
+
+    def read(self, line: bytes) -> Any:
+        """Give the message of a line. Raises Malformed."""
+        head, found, rest = line.partition(b',"step":')
+        if not found or not head.startswith(b'{"k":"step",'):
+            return decode(line)
+        step = self._steps.get(rest)
+        if step is not None:
+            # Quotes inside of a text are escaped, so what was found is a key; one further inside leaves no JSON here.
+            return decode(head + b"}", step=step)
+        request = decode(line)
+        if len(self._steps) > self.MANY:
+            self._steps.clear()
+        if isinstance(request.step, SentExchange) and len(rest) < FEW:
+            self._steps[rest] = request.step
+        return request
 
 
 @message("release")

@@ -108,17 +108,18 @@ class ForeignPort(ABC):
 
     async def __aenter__(self) -> Self:
         self._loop = asyncio.get_running_loop()
+        registry.load_installed()  # now, not when the first request waits
         await self._open()
         self._worker = self._loop.create_task(self._work())
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        await self._close()
         if self._partial is not None:
             self._partial.cancel()
         if self._worker is not None:
             self._worker.cancel()
             await asyncio.wait({self._worker})
+        await self._close()
         self._gate.left(self)
 
     # What a kind of port does
@@ -138,6 +139,9 @@ class ForeignPort(ABC):
     @abstractmethod
     def _baud(self) -> int:
         """Give the speed at which the program wants to talk, bit/s."""
+
+    def _catch_up(self) -> None:  # noqa: B027 - what the system tells of by itself needs no look
+        """Take in what the program has written up to now."""
 
     def _heard(self, data: bytes) -> None:
         """Take in what the program has written."""
@@ -231,6 +235,8 @@ class ForeignPort(ABC):
 
     def _answer(self, waiting: _Waiting, outcomes: list[Any]) -> None:
         packets = [outcome for outcome in outcomes if isinstance(outcome, Packet)]
+        # An answer that comes behind the next question would be taken for the answer to that.
+        self._catch_up()
         if not packets:
             self.counts.silent += 1
         elif self._waited_no_more(waiting):
@@ -305,6 +311,10 @@ class ForeignPty(ForeignPort):
 
     def _baud(self) -> int:
         return round(self._terminal.baud())
+
+    def _catch_up(self) -> None:
+        if self._listening:
+            self._look()
 
     def _look(self) -> None:
         """See what is there to read, and whether there is a program at all."""

@@ -20,7 +20,7 @@ from typing import Any, TypeAlias
 from servobus.bus.asyncio import AsyncBus
 from servobus.errors import ServobusError, UnknownName, UsageError
 from servobus.remote.faults import fault
-from servobus.remote.messages import LONGEST, VERSION, Malformed, decode, encode
+from servobus.remote.messages import LONGEST, VERSION, Malformed, encode
 from servobus.remote.protocol import (
     KINDS_OF_CLIENTS,
     Beat,
@@ -30,6 +30,7 @@ from servobus.remote.protocol import (
     Hello,
     Refused,
     Release,
+    RequestReader,
     SentRequest,
     Supersede,
     Welcome,
@@ -153,6 +154,7 @@ class Connection(asyncio.Protocol):
         self._loop = asyncio.get_running_loop()
         self._transport: asyncio.Transport | None = None
         self._buffer = b""
+        self._reader = RequestReader()
         self._closing = False
         self._last = 0
         """The number of the last request."""
@@ -271,7 +273,7 @@ class Connection(asyncio.Protocol):
             self.close(f"more than {MOST_RATE} messages a second")
             return
         try:
-            message = decode(line)
+            message = self._reader.read(line)
         except Malformed as error:
             if self.session is None:
                 self.close(f"that was no hello: {error}")

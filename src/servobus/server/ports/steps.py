@@ -2,7 +2,8 @@
 
 import asyncio
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from operator import attrgetter
 from typing import Any, Protocol
 
 from servobus.bus.asyncio import AsyncBus
@@ -28,8 +29,8 @@ FASTEST = 10_000_000
 KNOWN = 1000
 """Exchanges that are kept, so that one that comes again is not made anew."""
 
-_NUMBERS = COLUMNS[:-1]
-"""The counters that grow; the last one is the worst delay."""
+_numbers: Callable[[Counts], tuple[int, ...]] = attrgetter(*COLUMNS[:-1])
+"""Gives the counters that grow; the last one is the worst delay."""
 
 
 class Exchanges:
@@ -276,10 +277,6 @@ def _one_step(step: Step) -> Procedure[Any]:
 def _parts(step: Step) -> Sequence[Exchange[Any]]:
     """Give the requests whose outcomes are told, in their order."""
     return step.parts if isinstance(step, GroupExchange) else exchanges_in(step)
-
-
-def _numbers(counts: Counts) -> tuple[int, ...]:
-    return tuple(getattr(counts, name) for name in _NUMBERS)
 
 
 def _log(what: str, error: Exception) -> None:

@@ -15,7 +15,8 @@ from servobus.bus.asyncio import AsyncBus, AsyncBusServo
 from servobus.core.present import si_entry, si_register_entry
 from servobus.core.registers import Motion, Register
 from servobus.errors import BadValue, PortError, PortLost, ServobusError, Stopped, UsageError
-from servobus.families.base import Answers, StopOutcome
+from servobus.families.base import Answers, StopOutcome, require_model
+from servobus.families.motion import counts_turns
 from servobus.families.present import servo_entry
 from servobus.jobs.backup import Backup, compare
 from servobus.jobs.look import read_table
@@ -26,7 +27,7 @@ from servobus.server.web.holders import Holder
 from servobus.server.web.jobs import Jobs, ServerJob
 from servobus.server.web.owner_link import OwnerLink
 from servobus.server.web.poller import LONGEST, OVERVIEW, SHORTEST, Poller, Rows
-from servobus.server.web.values import decoded, key_of, optional_row, raws_of, readable_row, servo_of
+from servobus.server.web.values import decoded, key_of, optional_row, raw_value, raws_of, readable_row, servo_of
 
 T = TypeVar("T")
 
@@ -145,6 +146,10 @@ class ServedBus:
 
     # Registers
 
+    def table(self, key: str) -> list[dict[str, Any]]:
+        """Give the table of a servo, the rows that can be read; nothing is asked."""
+        return [si_register_entry(row) for row in self.servo(key).model.registers.values() if row.readable]
+
     async def registers(self, key: str) -> list[dict[str, Any]]:
         """Give the whole table of a servo: each row with its value, None where this servo lacks it."""
         servo = self.servo(key)
@@ -205,6 +210,41 @@ class ServedBus:
         return {"changes": changes, "saved": save}
 
     # Motion
+
+    async def motion(self, key: str) -> dict[str, Any]:
+        """Ask what a move must know of a servo: where it is, what bounds it, and how else it can turn.
+
+        Angles in rad. `turn` is None for a servo that does not turn without end. Raises UsageError where it is not
+        known which model it is.
+        """
+        servo = self.servo(key)
+        require_model(servo.target, "be moved")
+        model, family = servo.model, servo.family
+        row = model.register("goal_position")
+        status = await self._asked(self.bus.do(family.motion_status(servo.target), servo.baud))
+        least, most = row.limits
+        if several := counts_turns(servo.target, status):
+            least, most = status.low, status.high
+        return {
+            "position": status.position,
+            "torque": status.torque,
+            "shutdown": status.shutdown,
+            "turning": status.turning,
+            "several_turns": several,
+            "limits": None if status.turning else [row.decode(status.low), row.decode(status.high)],
+            "range": [row.decode(least), row.decode(most)],
+            "speed": model.sheet.speed if not model.generic else None,
+            "turn": {"unit": model.turn_scale.unit, "stores": any(pair.equal for pair in model.limit_pairs)}
+            if model.turns
+            else None,
+            "can_count_turns": family.multi_turn_limits(model) is not None,
+        }
+
+    def has_torque(self, key: str, enabled: Any) -> bool:
+        """Tell from a value of torque_enable, as telemetry gives it, whether a servo is driven."""
+        servo = self.servo(key)
+        row = servo.model.register("torque_enable")
+        return servo.family.torque_on(raw_value(row, enabled))
 
     async def move(
         self, actor: Actor, goals: Mapping[str, float], *, time: float | None, speed: float | None

@@ -1,16 +1,23 @@
 """One robot as people and programs use it through the server: joints by name, poses, and settings by its file."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from servobus.bus.asyncio import AsyncBusServo
 from servobus.bus.servo import Servo
+from servobus.core.units import deg
 from servobus.errors import RobotFileError, UsageError
 from servobus.robots.asyncio import AsyncRobot
+from servobus.robots.file.kinds import NAME
 from servobus.robots.file.reading import read_file
+from servobus.robots.file.writing import edited, quantity, save
+from servobus.robots.motions.play import AsyncPlay
 from servobus.robots.settings.planning import Plan
 from servobus.server.web.audit import Audit
 from servobus.server.web.feeds import Events
+from servobus.server.web.jobs import Jobs, ServerJob
 from servobus.server.web.served_bus import Actor, ServedBus
 from servobus.server.web.values import key_of
 
@@ -117,6 +124,65 @@ class ServedRobot:
         self._note(actor, "move", dict(goals))
         return {"duration": planned.duration}
 
+    async def go(
+        self, actor: Actor, pose: str, *, time: float | None = None, speed: float | None = None
+    ) -> dict[str, Any]:
+        """Start a move to a pose of the file; torque that is off is switched on first, from where each joint is.
+
+        Raises UnknownName.
+        """
+        goals = self.robot.pose(pose)
+        self._begin(actor)
+        # Planned before any torque comes on: a pose that cannot be reached changes nothing.
+        await self.robot.plan_move(dict(goals), time=time, speed=speed)
+        for joint in self.robot.named(*goals):
+            await joint.torque_on()
+        return await self.move(actor, goals, time=time, speed=speed)
+
+    async def save_pose(self, actor: Actor, name: str, joints: Sequence[str] = ()) -> dict[str, float]:
+        """Keep where the joints are, all or these, as a pose in the robot file. Moves nothing.
+
+        A pose of that name is changed; what was in the file is kept beside it. Raises UsageError for a name that cannot
+        be, or where a joint does not answer: then nothing was saved.
+        """
+        if not re.fullmatch(NAME, name):
+            raise UsageError(f"{name[:40]!r} is no name of a pose: use letters, digits, - and _, and a letter first")
+        wanted = self.robot.named(*joints)
+        seen = await self.robot.positions()
+        if lost := [joint.name for joint in wanted if joint.name in seen.lost]:
+            raise UsageError(f"{', '.join(lost)}: no answer, so nothing was saved; name the joints that are to be kept")
+        # Hundredths of a degree: finer than the steps of the servos.
+        angles = {joint.name: round(seen[joint.name] / deg, 2) * deg for joint in wanted}
+        said = {joint: quantity(angle, "rad") for joint, angle in angles.items()}
+        self.robot.file = save(self.robot.file, edited(self.robot.file, {("pose", name): said}))
+        self._note(actor, f"pose {name}", said)
+        return angles
+
+    def play(self, actor: Actor, jobs: Jobs, motion: str, *, pace: float = 1.0) -> "Playing":
+        """Start a motion of the file; a job that ends with it. Torque must be on. Raises UnknownName, BadValue.
+
+        A stop of any of its buses ends it, and so does whoever plays it by going away.
+        """
+        played = self.robot.play(motion)
+        played.set_pace(pace)
+        self._begin(actor)
+
+        async def run(job: ServerJob) -> dict[str, Any]:
+            whole = round(played.duration, 3)
+            async for tick in played:
+                self._begin(actor)
+                jobs.progress(
+                    job,
+                    int(max(tick.time, 0.0) * 1000),
+                    int(whole * 1000),
+                    "on the way to the first pose" if tick.time < 0 else f"{tick.time:.1f} of {whole:g} s",
+                )
+            return {"played": not played.stopped}
+
+        job = jobs.start("play", min(self.ports), actor.name, run)
+        self._note(actor, f"play {motion}", {"pace": pace})
+        return Playing(job, played)
+
     def _begin(self, actor: Actor) -> None:
         for port, served in self._served.items():
             served.begin(
@@ -126,6 +192,14 @@ class ServedRobot:
     def _note(self, actor: Actor, what: str, values: Mapping[str, Any]) -> None:
         self._audit.note(actor.name, what, ", ".join(sorted(self.ports)), f"robot {self.name}", values)
         self._events.tell("changed", bus=None, by=actor.name, robot=self.name, change=what)
+
+
+@dataclass(frozen=True, slots=True)
+class Playing:
+    """A motion under way: the job, and what slows, pauses and ends it on its path."""
+
+    job: ServerJob
+    motion: AsyncPlay
 
 
 def _driver(servo: Servo) -> AsyncBusServo:
