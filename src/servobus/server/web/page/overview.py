@@ -9,9 +9,9 @@ from servobus.server.web.auth import Role
 from servobus.server.web.page.context import PageContext
 from servobus.server.web.page.parts.confirm import confirm
 from servobus.server.web.page.parts.empty import empty
-from servobus.server.web.page.scanning import Scanning
 from servobus.server.web.page.parts.wall import Wall
 from servobus.server.web.page.rows import Row, changed, first_row, live_row
+from servobus.server.web.page.scanning import Scanning
 from servobus.server.web.poller import MISSED
 from servobus.server.web.served_bus import ServedBus
 from servobus.server.web.values import key_of
