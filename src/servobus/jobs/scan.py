@@ -196,7 +196,7 @@ def scan(
         later = rounds[n + 1 :]
         waits = not later or any(other is family for _, other in later)
         lateness: Lateness = yield LateAnswers(LATE if waits else 0.0)
-        yield from _ask_late_ones_again(asked, lateness, survey, identify, tell)
+        yield from _ask_late_ones_again(asked, wanted, lateness, survey, identify, tell)
         yield from _ask_lost_ones_again(family, baud, wanted, answered, lateness, survey, identify, tell)
         here = [other for speed, other in rounds if speed == baud]
         if family is here[-1]:
@@ -223,6 +223,7 @@ def _ask_strangers(family: Family, baud: int, survey: ScanResult) -> Procedure[N
 
 def _ask_late_ones_again(
     asked: Sequence[tuple[int, Family]],
+    ids: Sequence[int],
     lateness: Lateness,
     survey: ScanResult,
     identify: Identify,
@@ -231,6 +232,8 @@ def _ask_late_ones_again(
     """Look at the servos whose answers came too late, at each speed at which they were asked, the last one first."""
     survey.late = lateness.usual if lateness.usual > MUCH else 0.0
     for framing, id in sorted(lateness.servos, key=lambda one: one[1]):
+        if id not in ids:
+            continue  # it answers what was asked before this scan
         for baud, family in asked:
             if family.framing is not framing:
                 continue

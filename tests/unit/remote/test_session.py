@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from servobus import RX28, PortError, PortLost, UnknownName
+from servobus import RX28, PortError, PortLost, ServobusError, UnknownName
 from servobus.bus.asyncio import AsyncBus
 from servobus.core.values import frozen
 from servobus.remote.messages import message
@@ -17,6 +17,8 @@ from unit.remote.hosted import PATIENCE, Hosted
 from unit.served import wait_for
 
 SPEC = "virtual:rx28@1"
+BROKEN, BROKEN_LATER = 77, 78
+"""Numbers that make the server's own code fail."""
 
 
 @message("test_double")
@@ -48,6 +50,8 @@ class Told:
 
 def double(connection: Connection, asked: Double) -> None:
     """Answer at once or later, and refuse negative numbers."""
+    if asked.number == BROKEN:
+        raise ZeroDivisionError("a fault of the server")
     if asked.number < 0:
         raise UnknownName(f"{asked.number} is below 0")
     if asked.later:
@@ -59,6 +63,8 @@ def double(connection: Connection, asked: Double) -> None:
 
 async def later(asked: Double) -> Doubled:
     await asyncio.sleep(0)
+    if asked.number == BROKEN_LATER:
+        raise ZeroDivisionError("a fault of the server")
     if asked.number > 100:
         raise UnknownName("too much")
     return Doubled(asked.n, 2 * asked.number)
@@ -98,6 +104,18 @@ def test_asked_and_answered(hosted: Hosted) -> None:
             assert heard == [Told("soon"), Told("soon")]
 
     run(main())
+
+
+def test_a_fault_of_the_server_is_told_and_ends_nothing(hosted: Hosted, caplog: pytest.LogCaptureFixture) -> None:
+    async def main() -> None:
+        async with RemoteSession(hosted.address("arm"), name="test") as session:
+            for number, later in ((BROKEN, False), (BROKEN_LATER, True)):
+                with pytest.raises(ServobusError, match="ZeroDivisionError: a fault of the server"):
+                    await session.ask(Double, number=number, later=later)
+            assert (await session.ask(Double, number=4)).number == 8
+
+    run(main())
+    assert caplog.text.count("of test failed") == 2
 
 
 def test_asked_by_a_program_that_blocks(hosted: Hosted) -> None:

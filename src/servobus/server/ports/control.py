@@ -119,7 +119,7 @@ class Control:
             return
         outcomes = outcome if isinstance(outcome, list) else [outcome]
         judged = self._judge(served, exchange, baud)
-        for one in outcomes:
+        for one in outcomes if exchange.replies else ():  # where nothing answers there is an empty packet
             if isinstance(one, Packet):
                 if exchange.replies:  # else it stands for the silence that was expected
                     self._answered(served, judged, baud, one)

@@ -11,7 +11,6 @@ connection and the message. A function that needs time answers through `Connecti
 
 import asyncio
 import hmac
-import logging
 import secrets
 import ssl
 from collections.abc import Callable, Coroutine, Mapping
@@ -36,7 +35,7 @@ from servobus.remote.protocol import (
     Welcome,
 )
 from servobus.server.ports.gate import Gate, PermitAll
-from servobus.server.ports.steps import BusSteps, Exchanges
+from servobus.server.ports.steps import BusSteps, Exchanges, log_failure
 
 GREETING = 5.0
 """s within which a client must have said its first words."""
@@ -193,8 +192,8 @@ class Connection(asyncio.Protocol):
         async def answered() -> None:
             try:
                 self.tell(await work)
-            except ServobusError as error:
-                self.tell(Failed(n, fault(error)))
+            except Exception as error:  # noqa: BLE001 - a client must not end what serves the others
+                self._fail(n, error)
 
         task = self._loop.create_task(answered())
         self._tasks.add(task)
@@ -298,12 +297,14 @@ class Connection(asyncio.Protocol):
             self._last = n
         try:
             handler(self, message)
-        except ServobusError as error:
-            self.tell(Failed(n or 0, fault(error)))
-        except Exception as error:
-            # A fault of the server must not end the connection: with it all that its client drives would be stopped.
-            logging.getLogger("servobus").exception("a request of %s failed", session.name)
-            self.tell(Failed(n or 0, fault(error)))
+        except Exception as error:  # noqa: BLE001 - a fault here must not stop all that its client drives
+            self._fail(n or 0, error)
+
+    def _fail(self, n: int, error: Exception) -> None:
+        """Answer a request with the error that came of it."""
+        if not isinstance(error, ServobusError):
+            log_failure(f"request {n} of {self.session.name if self.session else 'nobody'} failed", error)
+        self.tell(Failed(n, fault(error)))
 
     # The first words
 

@@ -156,7 +156,7 @@ class BusSteps:
                     self._gate.carried_out(self._who, self._name, exchange, request.baud, error)
             self._tell(Failed(request.n, fault(error), self._counted(before, (), request.baud)))
         except Exception as error:  # noqa: BLE001 - a client must not end what serves the others
-            _log(f"{self._name}: a request of {self._who.name} failed", error)
+            log_failure(f"{self._name}: a request of {self._who.name} failed", error)
             self._tell(Failed(request.n, fault(error)))
         else:
             self._tell(answer)
@@ -279,7 +279,8 @@ def _parts(step: Step) -> Sequence[Exchange[Any]]:
     return step.parts if isinstance(step, GroupExchange) else exchanges_in(step)
 
 
-def _log(what: str, error: Exception) -> None:
+def log_failure(what: str, error: Exception) -> None:
+    """Tell the log of a fault of this program, which goes on."""
     import logging  # noqa: PLC0415 - seldom wanted
 
     logging.getLogger("servobus").error(what, exc_info=error)

@@ -282,6 +282,15 @@ def test_a_servo_that_falls_silent_and_comes_back_is_told(server: Owned) -> None
     assert [one.servo for one in happened if one.what == "lost"] == [ONE]
 
 
+def test_what_nothing_answers_brings_no_servo(server: Owned) -> None:
+    """Goals for several servos are one packet to all (SYNC_WRITE, RX-28 manual 3-5-7), which none answers."""
+    with server.bus("arm") as bus:
+        moved = [bus.attach(RX28, 1), bus.attach(RX28, 2)]
+        bus.torque_on(moved)
+        bus.move(dict.fromkeys(moved, 1.0), speed=0.5)
+        assert server.told(lambda: sorted(servo.id for servo in server.owner.buses["arm"].bus)) == [1, 2]
+
+
 def test_traffic_is_told_with_who_asked(server: Owned) -> None:
     pieces: list[Traffic] = []
 
