@@ -51,7 +51,7 @@ class Scanning:
             field.classes("sb-field-wide")
         self._ids.classes("sb-field")
         ui.space()
-        ui.button("Cancel", color=None, on_click=self.close).props("flat no-caps")
+        ui.button("Close", color=None, on_click=self.close).props("flat no-caps")
         ui.button("Scan", icon="search", on_click=self.begin).props("unelevated no-caps")
 
     def open(self) -> None:

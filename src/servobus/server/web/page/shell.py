@@ -12,7 +12,9 @@ from starlette.requests import Request
 
 from servobus.server.web.api.answers import role_of
 from servobus.server.web.app import WebApplication
+from servobus.server.web.page.access import access_menu
 from servobus.server.web.page.context import PageContext
+from servobus.server.web.page.parts import toast
 from servobus.server.web.page.parts.confirm import confirm
 from servobus.server.web.page.table import PAGES, Entry
 
@@ -76,6 +78,7 @@ class Frame:
     def _shows(self, entry: Entry) -> Callable[[PageArguments], object]:
         def show(arguments: PageArguments) -> object:
             self._context.turn_to(dict(arguments.query_parameters))
+            self._bus_picker()
             self._title.text = entry.title
             for name, link in self._links.items():
                 link.classes(
@@ -93,6 +96,7 @@ class Frame:
             menu.classes("sb-menu")
             self._title = ui.label("").classes("sb-heading").props("role=heading aria-level=1")
             ui.space()
+            self._buses = ui.row().classes("no-wrap")
             self._bus_picker()
             ui.element("div").classes("sb-link").props("id=sb-link role=status aria-live=polite")
             self._theme_button = (
@@ -114,21 +118,25 @@ class Frame:
                     self._links[entry.name] = link
             ui.space()
             context = self._context
-            with ui.column().classes("sb-who"):
-                ui.label(f"{context.login.name}").classes("sb-muted")
-                ui.label(str(context.role)).classes("sb-chip")
+            with ui.column().classes("sb-who"), ui.row().classes("sb-row no-wrap"):
+                with ui.column().classes("sb-two"):
+                    ui.label(context.login.name)
+                    ui.label(str(context.role)).classes("sb-muted sb-small")
+                access_menu(context)
             ui.label("Space or Esc stops all servos").classes("sb-muted sb-small")
         return drawer
 
     def _bus_picker(self) -> None:
         """Choose the bus, where there is a choice."""
+        self._buses.clear()
         names = list(self._context.service.buses)
         if len(names) < 2:
             return
         bus = self._context.bus
-        ui.select(names, value=bus and bus.name, on_change=lambda event: self._turn_bus(event.value)).props(
-            'dense outlined options-dense aria-label="Bus"'
-        ).classes("sb-bus")
+        with self._buses:
+            ui.select(names, value=bus and bus.name, on_change=lambda event: self._turn_bus(event.value)).props(
+                'dense outlined options-dense aria-label="Bus"'
+            ).classes("sb-bus")
 
     def _turn_bus(self, name: str) -> None:
         path = ui.context.client.sub_pages_router.current_path.partition("?")[0].strip("/")
@@ -162,6 +170,10 @@ class Frame:
     def _event(self, event: dict[str, Any]) -> None:
         if event["what"] in ("stopped", "resumed", "opened", "closed", "port gone", "port back"):
             self._stopped()
+        if event["what"] in ("opened", "closed"):
+            self._bus_picker()
+        if event["what"] == "deadman":
+            toast.warned(f"{event.get('why', '')}: its servos were stopped")
 
     def _stopped(self) -> None:
         """Show which buses were stopped, and which ports are gone."""

@@ -30,6 +30,11 @@ def told(text: str) -> None:
     ui.notify(text, type="positive", position=PLACE, timeout=2500, progress=False)
 
 
+def warned(text: str) -> None:
+    """Say what somebody should know."""
+    ui.notify(text, type="warning", position=PLACE, timeout=6000, multi_line=True)
+
+
 def failed(error: ServobusError) -> None:
     """Say what has gone wrong, long enough to read it."""
     sentence, remedy = said(error)
