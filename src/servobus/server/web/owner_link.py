@@ -21,6 +21,8 @@ DEADMAN = 1.0
 """s after which this process is taken for hung. Its loop has been seen to stand still for 55 ms."""
 BEAT = 0.2
 """s between two signs of life."""
+SESSION = "web"
+"""How the owner of the ports calls this process; who of its users asks is known here alone."""
 
 
 class OwnerLink:
@@ -36,7 +38,7 @@ class OwnerLink:
     async def connect(self, told: Callable[[Happened], object]) -> dict[str, str]:
         """Connect; `told` is told of events from now on. Gives name -> port of the buses. Raises PortError."""
         self._client = await Client.connect(
-            self._host, self._port, self._token, name="web", client="web", deadman=DEADMAN
+            self._host, self._port, self._token, name=SESSION, client="web", deadman=DEADMAN
         )
         self.ended = self._client.ended
         self._client.listen(Happened, told)
@@ -56,7 +58,7 @@ class OwnerLink:
         """Give the driver of a bus, in the session of this process. Raises PortError."""
         address = Address(self._host, self._port, name)
         make = partial(
-            RemotePort, address, name="web", session=self._client.welcome.session, deadman=0.0, token=self._token
+            RemotePort, address, name=SESSION, session=self._client.welcome.session, deadman=0.0, token=self._token
         )
         return AsyncBus(await asyncio.to_thread(make))
 

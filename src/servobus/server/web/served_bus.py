@@ -25,7 +25,7 @@ from servobus.server.web.entries import alarm_names, change_entry, latched_names
 from servobus.server.web.feeds import Events, Feed
 from servobus.server.web.holders import Holder
 from servobus.server.web.jobs import Jobs, ServerJob
-from servobus.server.web.owner_link import OwnerLink
+from servobus.server.web.owner_link import SESSION, OwnerLink
 from servobus.server.web.poller import LONGEST, OVERVIEW, SHORTEST, Poller, Rows
 from servobus.server.web.values import decoded, key_of, optional_row, raw_value, raws_of, readable_row, servo_of
 
@@ -352,7 +352,9 @@ class ServedBus:
     def follow(self, what: str, data: Mapping[str, Any]) -> None:
         """Take note of what the owner of the ports tells of this bus."""
         if what == "stopped" and data.get("servos") is None:
-            self.stopped_by, self._stopped_at = str(data.get("by", "")), asyncio.get_running_loop().time()
+            ours = data.get("by") == SESSION and self.stopped_by  # somebody here did, and has a name
+            self.stopped_by = self.stopped_by if ours else str(data.get("by", ""))
+            self._stopped_at = asyncio.get_running_loop().time()
         elif what == "resumed":
             self.stopped_by, self._stopped_at = "", -math.inf
         elif what == "gone":

@@ -25,7 +25,7 @@ from servobus.server.web.errors import TooMany
 from servobus.server.web.feeds import Events, Feed
 from servobus.server.web.holders import Driven, Holder
 from servobus.server.web.jobs import Jobs, ServerJob
-from servobus.server.web.owner_link import OwnerLink, event_data
+from servobus.server.web.owner_link import SESSION, OwnerLink, event_data
 from servobus.server.web.served_bus import Actor, ServedBus
 from servobus.server.web.served_robot import ServedRobot
 from servobus.server.web.values import key_of
@@ -119,6 +119,8 @@ class Service:
             return
         if served is not None:
             served.follow(event.what, data)
+            if event.what == "stopped" and data.get("by") == SESSION:
+                data["by"] = served.stopped_by
         self.events.tell(event.what, **data)
 
     async def close_bus(self, by: str, name: str) -> None:

@@ -168,7 +168,7 @@ class Frame:
                 ui.label(warning)
 
     def _event(self, event: dict[str, Any]) -> None:
-        if event["what"] in ("stopped", "resumed", "opened", "closed", "port gone", "port back"):
+        if event["what"] in ("stopped", "resumed", "opened", "closed", "port gone", "port back", "gone", "back"):
             self._stopped()
         if event["what"] in ("opened", "closed"):
             self._bus_picker()
