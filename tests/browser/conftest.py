@@ -8,7 +8,6 @@ import sys
 import threading
 import urllib.request
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -69,22 +68,14 @@ def chromium() -> Iterator[Any]:
 def server(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """Serve virtual servos, all of them known from the start."""
     del chromium  # without a browser nothing is served
-    with serving(tmp_path_factory.mktemp("served")) as server:
-        for model, id in SERVOS:
-            server.ask("POST", "/buses/bench/servos", {"model": model, "id": id})
-        yield server
-
-
-@contextmanager
-def serving(folder: Path, spec: str = SPEC, http: str = "127.0.0.1:0") -> Iterator[Server]:
-    """Have a server run in a process of its own; it knows no servo yet."""
+    folder = tmp_path_factory.mktemp("served")
     environment = {
         name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "NICEGUI", "SERVOBUS"))
     }
     environment |= {"PYTHONPATH": os.pathsep.join(sys.path), "XDG_RUNTIME_DIR": str(_private(folder / "run"))}
     environment |= {"XDG_STATE_HOME": str(folder / "state"), "XDG_CONFIG_HOME": str(folder / "config")}
     process = subprocess.Popen(
-        [sys.executable, "-m", "servobus", "serve", "--http", http, f"bench={spec}"],
+        [sys.executable, "-m", "servobus", "serve", "--http", "127.0.0.1:0", f"bench={SPEC}"],
         env=environment, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     try:
@@ -116,6 +107,7 @@ def show(server: Server, chromium: Any, logged_in: Path) -> Iterator[Callable[..
     """Give what opens a page; nothing from elsewhere may be asked for, and no error may stand in its console."""
     contexts: list[Any] = []
     wrong: list[str] = []
+    note = wrong.append
 
     def open_page(path: str, *, width: int = 1280) -> Any:
         context = chromium.new_context(
@@ -124,9 +116,9 @@ def show(server: Server, chromium: Any, logged_in: Path) -> Iterator[Callable[..
         contexts.append(context)
         page = context.new_page()
         page.set_default_timeout(PATIENCE)
-        page.on("pageerror", lambda error: wrong.append(f"script: {error}"))
-        page.on("console", lambda said: said.type == "error" and wrong.append(f"console: {said.text}"))
-        page.on("request", lambda asked: _own(asked.url, server.url) or wrong.append(f"elsewhere: {asked.url}"))
+        page.on("pageerror", lambda error: note(f"script: {error}"))
+        page.on("console", lambda said: note(f"console: {said.text}") if said.type == "error" else None)
+        page.on("request", lambda asked: None if _own(asked.url, server.url) else note(f"elsewhere: {asked.url}"))
         page.goto(server.url + path)
         return page
 
@@ -146,7 +138,7 @@ def _private(folder: Path) -> Path:
 
 
 def _ready(process: "subprocess.Popen[str]", runtime: Path) -> Server:
-    """Wait until a server says where its pages are."""
+    """Wait until a server says where its pages are, and make its servos known."""
     timer = threading.Timer(START, process.kill)
     timer.start()
     assert process.stdout is not None
@@ -154,4 +146,7 @@ def _ready(process: "subprocess.Popen[str]", runtime: Path) -> Server:
     timer.cancel()
     assert (ready[:6], bus[:4]) == ("ready ", "bus "), ready + bus
     (file,) = runtime.glob("*/server-*.json")
-    return Server(ready.split()[1], json.loads(file.read_text())["token"])
+    server = Server(ready.split()[1], json.loads(file.read_text())["token"])
+    for model, id in SERVOS:
+        server.ask("POST", "/buses/bench/servos", {"model": model, "id": id})
+    return server
