@@ -21,12 +21,12 @@ SPREAD := -n auto --dist worksteal
 # Short of all models many tests wait more than they reckon: one process more than cores keeps the cores at work.
 BUSY := -n $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)') --dist worksteal
 # Tests on real time may fail where the others keep all cores busy: what failed is run once more, by itself.
-ALONE = echo "what failed, once more by itself" && $(BIN)/python -m pytest --all --last-failed
+ALONE = echo "what failed, once more by itself" && $(BIN)/python -m pytest --all --last-failed --ignore=tests/browser
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo serve test test-all test-lerobot check format docs bench faults soak clean
+.PHONY: help setup demo serve test test-all test-browser test-lerobot check format docs bench faults soak clean
 
 help:  ## show this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 12
@@ -64,10 +64,14 @@ serve: $(PAGES)  ## open the manager in a browser, on virtual servos; SERVE="/de
 	@$(BIN)/servobus serve $(SERVE) --open
 
 test: $(READY)  ## run the tests, slow ones with a few models that stand for all
-	@$(BIN)/python -m pytest $(BUSY)
+	@echo "without the pages in a browser: make test-browser runs those"
+	@$(BIN)/python -m pytest $(BUSY) --ignore=tests/browser
 
 test-all: $(READY)  ## run all tests with all models, and more examples of each property
-	@$(BIN)/python -m pytest $(SPREAD) --all || { [ $$? = 1 ] && $(ALONE); }
+	@$(BIN)/python -m pytest $(SPREAD) --all --ignore=tests/browser || { [ $$? = 1 ] && $(ALONE); }
+
+test-browser: $(READY)  ## run the tests of the pages, in a browser (chromium) where there is one
+	@$(BIN)/python -m pytest tests/browser -rs
 
 test-lerobot:  ## run the tests of the companion for LeRobot, where there is Python 3.12 or later
 	@if [ -z "$(LEROBOT_PYTHON)" ]; then \

@@ -10,10 +10,13 @@ import sys
 from contextlib import AsyncExitStack
 from pathlib import Path
 
-from servobus.server.ports.foreign import ForeignPty
+from servobus.server.ports import foreign
 from servobus.server.ports.owner import PortOwner
 
 TOKEN = "the token of the tests"
+
+
+foreign.ANSWERED_WITHIN = 0.3  # on a busy computer answers may be late, and the programs of the tests wait longer
 
 
 async def share(port: str, folder: Path, links: list[str]) -> None:
@@ -24,7 +27,7 @@ async def share(port: str, folder: Path, links: list[str]) -> None:
     try:
         async with AsyncExitStack() as stack:
             for link in links:
-                await stack.enter_async_context(ForeignPty(bus, "arm", owner.control, Path(link)))
+                await stack.enter_async_context(foreign.ForeignPty(bus, "arm", owner.control, Path(link)))
             print(f"ready servobus://127.0.0.1:{server.sockets[0].getsockname()[1]}/arm", flush=True)
             await asyncio.to_thread(sys.stdin.read)
     finally:

@@ -25,6 +25,7 @@ Eventually = Callable[[Callable[[], bool]], None]
 OK = (0, 0)
 """COMM_SUCCESS, no error bit."""
 READS = 60
+TRIES = 8
 
 
 class Sharing:
@@ -70,7 +71,16 @@ class Program:
 
     def __getattr__(self, name: str) -> Any:
         call = getattr(self.packets, name)
-        return lambda *arguments: call(self.port, *arguments)
+
+        def again(*arguments: Any) -> Any:
+            """Repeat what was lost, as programs do: a busy computer may be late."""
+            for _ in range(TRIES):
+                outcome = call(self.port, *arguments)
+                if isinstance(outcome, int) or outcome[-2] == 0:
+                    break
+            return outcome
+
+        return again
 
     def __enter__(self) -> Self:
         return self
@@ -143,13 +153,22 @@ def test_a_program_of_another_family(sharing: Sharing) -> None:
     module = pytest.importorskip("pylx16a.lx16a")
     module.LX16A.initialize(sharing.links[1], timeout=1.0)
     try:
-        servo = module.LX16A(40)
+
+        def again(question: Callable[[], Any]) -> Any:
+            for _ in range(TRIES):
+                try:
+                    return question()
+                except module.ServoTimeoutError:
+                    pass
+            return None
+
+        servo = again(lambda: module.LX16A(40))
 
         def read() -> None:
             for n in range(20):
                 servo.set_angle_offset(n)
-                assert servo.get_angle_offset(poll_hardware=True) == pytest.approx(n, abs=0.13)
-                assert servo.get_vin() == 7400
+                assert again(lambda: servo.get_angle_offset(poll_hardware=True)) == pytest.approx(n, abs=0.13)
+                assert again(servo.get_vin) == 7400
 
         def ask() -> None:
             for _ in range(30):
@@ -207,10 +226,11 @@ def test_a_program_that_is_killed(sharing: Sharing, eventually: Eventually) -> N
             assert killed.stdout.readline() == "moves\n"
         finally:
             killed.kill()
-    with programs(sharing) as (one, two):
-        assert one.word(1, 0) == 28
+    with Program(sharing.links[1]) as two:
         eventually(lambda: two.byte(8, 46) == 0)
         assert two.word(8, 36) < 990
+    with Program(sharing.links[0]) as one:
+        assert one.word(1, 0) == 28
         assert one.byte(8, 3) == 8
 
 

@@ -5,9 +5,10 @@ may open it and which programs have it open, the adapter, the servos, what they 
 It moves nothing, switches no torque and writes to no servo.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from servobus import connect
+from servobus.bus.blocking import Bus
 from servobus.doctor.findings import Finding, Severity, Watcher
 from servobus.doctor.health import health
 from servobus.doctor.losses import losses
@@ -17,14 +18,22 @@ from servobus.errors import PortError, PortLost
 from servobus.families.base import Answers
 
 
-def examine(port: str, plan: SearchPlan, watch: Watcher = lambda *_: None) -> Iterator[Finding]:
-    """Make all checks of a port, as far as they get. Raises UsageError for a name that is no port."""
+def examine(
+    port: str,
+    plan: SearchPlan,
+    watch: Watcher = lambda *_: None,
+    opened: Callable[[str], Bus] | None = None,
+) -> Iterator[Finding]:
+    """Make all checks of a port, as far as they get. Raises UsageError for a name that is no port.
+
+    `opened` opens a port by its name; `servobus.open` by default.
+    """
     for finding in check_system(port):
         yield finding
         if finding.level is Severity.FAIL:
             return  # it could not be opened
     try:
-        with connect.open(port) as bus:
+        with (opened or connect.open)(port) as bus:
             bus.models = plan.models
             yield from check_open_port(bus)
             taken: set[int] = set()

@@ -244,3 +244,91 @@ class SaveBox:
     n: int
     bus: str
     why: str
+
+
+# The bench: what surrounds virtual servos
+
+
+@frozen
+class BenchServo:
+    """A virtual servo as it is, whatever it reports, and what surrounds it.
+
+    number       its place on the bench, which stays when its id changes
+    id           its id now; `family` the name of its family
+    title        of its model
+    position     of its shaft, rad; `speed` in rad/s, `current` of its motor in A
+    voltage      at its plug, V; `source` what the supply gives without load
+    nominal      supply that it is made for, V; `home` where its shaft stands out of the box, rad
+    temperature  of its case, degC
+    torque       whether the motor holds the shaft; `led` is the colour of its light
+    plugged      whether it has its supply
+    load         N·m from outside; `mass` in kg at the end of an arm of `length` in m; `inertia` in kg·m²
+    blocked      whether the shaft is held as in a vice
+    stall        N·m with which it pushes at most, at its voltage
+    """
+
+    number: int
+    family: str
+    id: int
+    title: str
+    position: float
+    speed: float
+    current: float
+    voltage: float
+    source: float
+    nominal: float
+    home: float
+    temperature: float
+    torque: bool
+    led: str
+    plugged: bool
+    load: float
+    mass: float
+    length: float
+    inertia: float
+    blocked: bool
+    stall: float
+
+
+@message("look_at_bench")
+@frozen
+class LookAtBench:
+    """Ask for the virtual servos of a bus, and what surrounds them."""
+
+    n: int
+    bus: str
+
+
+@message("bench")
+@frozen
+class Bench:
+    """The virtual servos of a bus. `faults` go wrong on the line; `happened` says which have, and how often."""
+
+    n: int
+    servos: tuple[BenchServo, ...]
+    faults: str
+    happened: tuple[tuple[str, int], ...]
+
+
+@message("set_bench")
+@frozen
+class SetBench:
+    """Change what surrounds these virtual servos, by number, or all where none is named; answered with `Bench`.
+
+    load         what hangs on the shafts, in the words of `virtual:`: "torque=0.2", "blocked", "none"
+    voltage      of the supply, V
+    temperature  of the case and what is around it, degC
+    position     to turn the shaft to by hand, rad
+    plugged      whether it has its supply
+    faults       what goes wrong on the line, in the words of `virtual:`; "none" mends everything
+    """
+
+    n: int
+    bus: str
+    servos: tuple[int, ...] = ()
+    load: str = ""
+    voltage: float | None = None
+    temperature: float | None = None
+    position: float | None = None
+    plugged: bool | None = None
+    faults: str = ""

@@ -25,6 +25,10 @@ class Tables:
         self._said = model
         self._told: dict[tuple[str, int], type[Model] | None] = {}
 
+    def know(self, family: Family, id: int, model: type[Model]) -> None:
+        """Take it from somebody else of which model a servo is; what the servo says itself counts more."""
+        self._told.setdefault((family.name, id), model)
+
     def of(self, family: Family, packet: Packet) -> type[Model] | None:
         """Give the model of the servos whose registers a packet is about; None where it is not known, or not one."""
         if self._said is not None:

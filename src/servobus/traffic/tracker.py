@@ -83,6 +83,10 @@ class Tracker:
         """What each servo did, in the order of families and ids."""
         return [self._servos[key] for key in sorted(self._servos)]
 
+    def know(self, family: Family, id: int, model: type[Model]) -> None:
+        """Take it from somebody else of which model a servo is; what the servo says itself counts more."""
+        self._tables.know(family, id, model)
+
     def feed(self, entry: Entry) -> list[TrafficEvent]:
         """Take in what was carried or heard, in the order of time."""
         events = self.pass_time(entry.time)

@@ -23,12 +23,14 @@ from servobus.remote.managing import (
     Happened,
     Introduce,
     ListServos,
+    LookAtBench,
     OpenBus,
     Resume,
     SaveBox,
     Seen,
     ServoInfo,
     Servos,
+    SetBench,
     StopServos,
     Subscribe,
     TakeLease,
@@ -85,6 +87,8 @@ class Desk:
                 WatchTraffic: self._watch_traffic,
                 WatchEvents: self._watch_events,
                 SaveBox: self._save,
+                LookAtBench: self._look_at_bench,
+                SetBench: self._set_bench,
             }
         )
 
@@ -223,6 +227,19 @@ class Desk:
             return str(path)
 
         connection.begin(asked.n, _done(asked.n, save()))
+
+    # Virtual servos
+
+    def _look_at_bench(self, connection: Connection, asked: LookAtBench) -> None:
+        from servobus.server.ports import bench  # noqa: PLC0415 - real ports need no virtual servos
+
+        connection.tell(bench.look(self._control.bus(asked.bus), asked.n))
+
+    def _set_bench(self, connection: Connection, asked: SetBench) -> None:
+        from servobus.server.ports import bench  # noqa: PLC0415 - as above
+
+        require(connection.who, "operator")
+        connection.tell(bench.change(self._control.bus(asked.bus), asked))
 
     # What a connection watches ends with it
 

@@ -2,8 +2,9 @@
 
 Each is a port of its own for one program at a time: a pseudo terminal, which the program opens like a serial port, or a
 TCP port. Whole requests are taken from it and put on the line in turn with everybody's, at the speed that the program
-has set; only the answers to its own requests go back. What is refused, or not answered, it meets with silence, as a
-servo would that is not there. It is sent once: to ask again is the program's business.
+has set; only the answers to its own requests go back, and only as long as it surely waits for them. What is refused,
+not answered, or answered too late meets with silence, as from a servo that is not there. It is sent once: to ask again
+is the program's business.
 """
 
 import asyncio
@@ -18,11 +19,12 @@ from typing import Any, Self
 from servobus.bus.asyncio import AsyncBus
 from servobus.core.effect import Effect, Kind
 from servobus.core.exchange import Batch, Exchange, Procedure
-from servobus.core.framing import Packet
+from servobus.core.framing import BITS_PER_BYTE, Packet
 from servobus.core.operation import Priority
 from servobus.errors import NoReply, PortError, ServobusError
 from servobus.families import registry
 from servobus.families.base import Answers, Family, Model
+from servobus.link.link import Link
 from servobus.server.ports.gate import Gate
 from servobus.server.ports.requests import AnswerHabits, Request, RequestCutter, exchange_of
 from servobus.transports.pty import PseudoTerminal
@@ -31,6 +33,12 @@ PARTIAL = 0.1
 """s after which the rest of a request is not waited for any more; servos do it so too (RX-28 manual, appendix)."""
 MOST_WAITING = 64
 """Requests of one program that may wait for the line; if more come, the oldest are dropped."""
+ANSWERED_WITHIN = 0.015
+"""s within which an answer must be there, beyond what its bits and the port take. A program that has given up may take
+what comes later for the answer to its next question: the DYNAMIXEL SDK gives up after 34 ms and drops nothing that it
+has not read, pylx16a after 20 ms."""
+HELD_BACK = 0.016
+"""s for which an adapter may usually hold bytes back: the latency timer of an FTDI chip, as it comes."""
 LOOK = 0.02
 """s between two looks whether a program has opened a pseudo terminal: until then it cannot be waited for."""
 CHUNK = 4096
@@ -47,7 +55,7 @@ class Counts:
     refused: int = 0
     """Requests that were not sent, as somebody else holds the servo, or a stop forbids it."""
     outdated: int = 0
-    """Questions and answers that the program did not wait for any more: it had sent something else."""
+    """Questions and answers that the program did not wait for any more: too late, or behind its next question."""
     dropped: int = 0
     """Requests that were never sent, as too many came after them."""
     garbage: int = 0
@@ -202,6 +210,10 @@ class ForeignPort(ABC):
             family, request.packet.id, self._answers(family, request.packet.id, baud), self._now
         )
         exchange = exchange_of(request, reads=reads, awaited=awaited)
+        deadline = self._deadline(waiting, exchange, baud)
+        if reads and self._now > deadline:
+            self.counts.outdated += 1
+            return
         priority = _priority(effect)
         try:
             self._gate.admit(self, self.bus_name, exchange, baud, waiting.asked, priority)
@@ -217,7 +229,7 @@ class ForeignPort(ABC):
         self._gate.carried_out(self, self.bus_name, exchange, baud, outcome)
         self._learn(request, exchange, effect, outcome)
         if exchange.replies:
-            self._answer(waiting, outcome if isinstance(outcome, list) else [outcome])
+            self._answer(waiting, outcome if isinstance(outcome, list) else [outcome], deadline)
 
     async def _ask(self, exchange: Exchange[Any], baud: int, priority: Priority) -> Any:
         """Send a request once. A question goes as a batch of one, which is not asked again."""
@@ -233,13 +245,21 @@ class ForeignPort(ABC):
             self._habits.note(family, request.packet.id, isinstance(outcome, Packet), self._now)
         self._habits.note_written(family, effect, self._now)
 
-    def _answer(self, waiting: _Waiting, outcomes: list[Any]) -> None:
+    def _deadline(self, waiting: _Waiting, exchange: Exchange[Any], baud: int) -> float:
+        """Give the time after which the program may have given up."""
+        bits = (len(exchange.request) + exchange.reply_size) * BITS_PER_BYTE
+        turns = max(len(exchange.replies) - 1, 0) * exchange.typical_delay
+        # An adapter that holds bytes back would do so if the program had it for itself.
+        held_back = self.bus.link.latency.usual_delay if isinstance(self.bus.link, Link) else 0.0
+        return waiting.asked + bits / baud + turns + min(held_back, HELD_BACK) + ANSWERED_WITHIN
+
+    def _answer(self, waiting: _Waiting, outcomes: list[Any], deadline: float) -> None:
         packets = [outcome for outcome in outcomes if isinstance(outcome, Packet)]
         # An answer that comes behind the next question would be taken for the answer to that.
         self._catch_up()
         if not packets:
             self.counts.silent += 1
-        elif self._waited_no_more(waiting):
+        elif self._waited_no_more(waiting) or self._now > deadline:
             self.counts.outdated += 1
         else:
             self.counts.answered += 1

@@ -18,6 +18,7 @@ from servobus.errors import (
     BusError,
     EepromWear,
     FormatError,
+    Held,
     NotRestored,
     PortError,
     Refused,
@@ -44,6 +45,7 @@ STATUS: tuple[tuple[type[Exception], int], ...] = (
 """The first that fits counts."""
 REMEDIES: Mapping[type[Exception], str] = {
     TorqueOff: "switch the torque on first: POST .../torque",
+    Held: "take it over: POST /api/v1/buses/BUS/take, with the header Servobus-Connection",
     Stopped: "resume the bus: POST /api/v1/buses/BUS/resume",
     EepromWear: "write without `save`, where the register has a place in RAM too",
 }

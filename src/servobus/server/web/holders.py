@@ -6,7 +6,8 @@ stopped, and those of others go on. It drives nothing any more until it has said
 
 import asyncio
 import secrets
-from collections.abc import Awaitable, Callable
+import weakref
+from collections.abc import Awaitable, Callable, Iterable
 from typing import TypeAlias
 
 from servobus.core.arguments import check_above_0
@@ -101,3 +102,23 @@ class Holder:
             task = asyncio.ensure_future(self._lapsed(driven, why))
             self._stopping.add(task)
             task.add_done_callback(self._stopping.discard)
+
+
+class Holders:
+    """All holders that there are: each servo has one at most."""
+
+    def __init__(self) -> None:
+        self._all: weakref.WeakSet[Holder] = weakref.WeakSet()
+
+    def add(self, holder: Holder) -> None:
+        self._all.add(holder)
+
+    def of(self, bus: str, key: str) -> Holder | None:
+        """Give who holds a servo."""
+        return next((holder for holder in self._all if (bus, key) in holder.driven), None)
+
+    def free(self, bus: str, keys: Iterable[str]) -> None:
+        """Have nobody hold these servos."""
+        gone = {(bus, key) for key in keys}
+        for holder in self._all:
+            holder.driven -= gone

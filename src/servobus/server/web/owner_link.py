@@ -8,21 +8,33 @@ import asyncio
 import json
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 from servobus.bus.asyncio import AsyncBus
 from servobus.remote.address import Address
 from servobus.remote.client import Client
-from servobus.remote.managing import CloseBus, Happened, OpenBus, Resume, SaveBox, StopServos, WatchEvents
+from servobus.remote.managing import (
+    Bench,
+    CloseBus,
+    Happened,
+    LookAtBench,
+    OpenBus,
+    Resume,
+    SaveBox,
+    SetBench,
+    StopServos,
+    Traffic,
+    WatchEvents,
+    WatchTraffic,
+)
 from servobus.remote.port import RemotePort
 
+SESSION = "web"
+"""Name of the session of this process."""
 DEADMAN = 1.0
 """s after which this process is taken for hung. Its loop has been seen to stand still for 55 ms."""
 BEAT = 0.2
 """s between two signs of life."""
-SESSION = "web"
-"""How the owner of the ports calls this process; who of its users asks is known here alone."""
 
 
 class OwnerLink:
@@ -32,6 +44,8 @@ class OwnerLink:
         self._host, self._port, self._token = host, port, token
         self._client: Client
         self._beating: asyncio.Task[None] | None = None
+        self._traffic: dict[str, Callable[[Traffic], object]] = {}
+        """Bus -> who is told of its bytes."""
         self.ended = asyncio.Event()
         """Set when the owner of the ports has gone: then this process has nothing to serve."""
 
@@ -42,6 +56,7 @@ class OwnerLink:
         )
         self.ended = self._client.ended
         self._client.listen(Happened, told)
+        self._client.listen(Traffic, self._carried)
         self._beating = asyncio.get_running_loop().create_task(self._beat())
         await self._client.ask(WatchEvents)
         return {info.name: info.port for info in self._client.welcome.buses}
@@ -56,11 +71,16 @@ class OwnerLink:
 
     async def bus(self, name: str) -> AsyncBus:
         """Give the driver of a bus, in the session of this process. Raises PortError."""
+        return AsyncBus(await asyncio.to_thread(self.port, name))
+
+    def port(self, name: str) -> RemotePort:
+        """Open a bus in the session of this process; waits for the owner, so it belongs into a thread."""
         address = Address(self._host, self._port, name)
-        make = partial(
-            RemotePort, address, name=SESSION, session=self._client.welcome.session, deadman=0.0, token=self._token
-        )
-        return AsyncBus(await asyncio.to_thread(make))
+        return RemotePort(address, name=SESSION, session=self._client.welcome.session, deadman=0.0, token=self._token)
+
+    def address(self, name: str) -> str:
+        """Give the name of a bus as a port for other programs of ours."""
+        return str(Address(self._host, self._port, name))
 
     async def open_bus(self, name: str, port: str) -> None:
         """Have a port opened as a bus. Raises UsageError, PortError."""
@@ -81,6 +101,30 @@ class OwnerLink:
     async def save_box(self, bus: str, why: str) -> str:
         """Have the last minute of a bus saved; gives the path of the recording."""
         return str((await self._client.ask(SaveBox, bus=bus, why=why)).text)
+
+    async def watch_traffic(self, bus: str, told: Callable[[Traffic], object]) -> None:
+        """Have somebody told of the bytes on a bus from now on, in place of whoever was. Raises UsageError."""
+        self._traffic[bus] = told
+        await self._client.ask(WatchTraffic, bus=bus, on=True)
+
+    async def forget_traffic(self, bus: str) -> None:
+        """Tell nobody of the bytes on a bus any more."""
+        self._traffic.pop(bus, None)
+        await self._client.ask(WatchTraffic, bus=bus, on=False)
+
+    async def bench(self, bus: str) -> Bench:
+        """Give the virtual servos of a bus. Raises UsageError for a bus of real ones."""
+        bench: Bench = await self._client.ask(LookAtBench, bus=bus)
+        return bench
+
+    async def set_bench(self, bus: str, **changes: Any) -> Bench:
+        """Change what surrounds virtual servos; see `SetBench`. Raises BadValue, UsageError."""
+        bench: Bench = await self._client.ask(SetBench, bus=bus, **changes)
+        return bench
+
+    def _carried(self, traffic: Traffic) -> None:
+        if traffic.bus in self._traffic:
+            self._traffic[traffic.bus](traffic)
 
     async def _beat(self) -> None:
         while not self._client.why:

@@ -14,20 +14,31 @@ from typing import Any, TypeVar
 from servobus.bus.asyncio import AsyncBus, AsyncBusServo
 from servobus.core.present import si_entry, si_register_entry
 from servobus.core.registers import Motion, Register
-from servobus.errors import BadValue, PortError, PortLost, ServobusError, Stopped, UsageError
-from servobus.families.base import Answers, StopOutcome, require_model
+from servobus.errors import BadValue, Held, PortError, PortLost, ServobusError, Stopped, UsageError
+from servobus.families.base import Answers, Family, Model, StopOutcome, require_model
 from servobus.families.motion import counts_turns
 from servobus.families.present import servo_entry
 from servobus.jobs.backup import Backup, compare
 from servobus.jobs.look import read_table
+from servobus.remote.managing import Bench
 from servobus.server.web.audit import Audit
 from servobus.server.web.entries import alarm_names, change_entry, latched_names, snapshot_entry, texts_of
 from servobus.server.web.feeds import Events, Feed
-from servobus.server.web.holders import Holder
+from servobus.server.web.holders import Holder, Holders
 from servobus.server.web.jobs import Jobs, ServerJob
 from servobus.server.web.owner_link import SESSION, OwnerLink
 from servobus.server.web.poller import LONGEST, OVERVIEW, SHORTEST, Poller, Rows
-from servobus.server.web.values import decoded, key_of, optional_row, raw_value, raws_of, readable_row, servo_of
+from servobus.server.web.traffic import TrafficWatch
+from servobus.server.web.values import (
+    Content,
+    decoded,
+    key_of,
+    optional_row,
+    raw_value,
+    raws_of,
+    readable_row,
+    servo_of,
+)
 
 T = TypeVar("T")
 
@@ -62,16 +73,19 @@ class ServedBus:
         events: Events,
         jobs: Jobs,
         audit: Audit,
+        holders: Holders,
         owner: OwnerLink | None = None,
     ) -> None:
         self.name, self.port, self.bus = name, port, bus
         self.events, self.jobs, self.audit = events, jobs, audit
-        self._owner = owner
+        self._owner, self._holders = owner, holders
         self.gone = ""
         self.stopped_by = ""
         self._stopped_at = -math.inf
         self._poller = Poller(name, bus, self._tell_servo, self._port_failed)
         self._opening: asyncio.Task[None] | None = None
+        self.traffic = TrafficWatch(name, owner, self._models)
+        """The packets on this bus, for those who look at them."""
 
     async def close(self) -> None:
         """Make safe what this bus drives, and give the port back."""
@@ -112,6 +126,7 @@ class ServedBus:
             "latched": latched_names(servo),
             "lost": self._poller.lost(servo),
             "driven": servo.permit.driven,
+            "holder": None if (holder := self._holders.of(self.name, key_of(servo))) is None else holder.name,
             "restarted": servo.restarted,
             "eeprom_writes": servo.eeprom_writes,
         }
@@ -150,12 +165,26 @@ class ServedBus:
         """Give the table of a servo, the rows that can be read; nothing is asked."""
         return [si_register_entry(row) for row in self.servo(key).model.registers.values() if row.readable]
 
-    async def registers(self, key: str) -> list[dict[str, Any]]:
-        """Give the whole table of a servo: each row with its value, None where this servo lacks it."""
+    async def held(self, key: str) -> dict[Register[Any], Content]:
+        """Read the whole table of a servo: each row that can be read, with what acts and what survives power-off."""
         servo = self.servo(key)
         raws = await self._asked(self.bus.do(read_table(servo.target), servo.baud))
+        copied = [row for row, raw in raws.items() if raw is not None and row.place.has_working_copy]
+        stored = await self._read(servo, copied, stored=True)
+        return {row: Content(raw, stored.get(row)) for row, raw in raws.items()}
+
+    async def registers(self, key: str) -> list[dict[str, Any]]:
+        """Give the whole table of a servo: each row with its value, None where this servo lacks it.
+
+        `stored` is what survives power-off, where that is a copy of its own.
+        """
         return [
-            {**si_register_entry(row), "now": None if raw is None else si_entry(row, raw)} for row, raw in raws.items()
+            {
+                **si_register_entry(row),
+                "now": None if held.now is None else si_entry(row, held.now),
+                "stored": None if held.stored is None else si_entry(row, held.stored),
+            }
+            for row, held in (await self.held(key)).items()
         ]
 
     async def read(self, key: str, names: Sequence[str], *, stored: bool = False) -> dict[str, Any]:
@@ -288,6 +317,8 @@ class ServedBus:
         except Exception as error:
             self.audit.note(actor.name, "torque", self.name, said, {"on": on}, str(error))
             raise
+        if not on:
+            self._holders.free(self.name, [key_of(servo) for servo in servos])
         self.audit.note(actor.name, "torque", self.name, said, {"on": on})
         self.events.tell("torque", bus=self.name, by=actor.name, servos=[key_of(servo) for servo in servos], on=on)
 
@@ -330,6 +361,7 @@ class ServedBus:
         servos = self.servos(keys)
         self.latch(actor)
         said = [key_of(servo) for servo in servos]
+        self._holders.free(self.name, said)
         try:
             if self._owner is not None:
                 await self._owner.stop(self.name, () if keys is None else said)
@@ -352,8 +384,9 @@ class ServedBus:
     def follow(self, what: str, data: Mapping[str, Any]) -> None:
         """Take note of what the owner of the ports tells of this bus."""
         if what == "stopped" and data.get("servos") is None:
-            ours = data.get("by") == SESSION and self.stopped_by  # somebody here did, and has a name
-            self.stopped_by = self.stopped_by if ours else str(data.get("by", ""))
+            by = str(data.get("by", ""))
+            if by != SESSION or not self.stopped_by:  # of a stop from here it is known which person asked for it
+                self.stopped_by = by
             self._stopped_at = asyncio.get_running_loop().time()
         elif what == "resumed":
             self.stopped_by, self._stopped_at = "", -math.inf
@@ -362,7 +395,18 @@ class ServedBus:
         elif what == "back":
             self.gone = ""
 
-    async def stop_driven(self, keys: Iterable[str], why: str) -> None:
+    async def take_over(self, actor: Actor, keys: Iterable[str]) -> None:
+        """Hold servos that another one may hold: they are made safe first. Only for a client that is watched."""
+        said = [key_of(servo) for servo in self.servos(keys)]
+        if actor.holder is None:
+            raise UsageError("only a client that is watched can hold servos: open /api/v1/live, and send `hold`")
+        actor.holder.check()
+        others = [key for key in said if self._holders.of(self.name, key) not in (None, actor.holder)]
+        self._holders.free(self.name, others)
+        actor.holder.driven |= {(self.name, key) for key in said}
+        await self.stop_driven(others, f"{actor.name} has taken over", "taken over")
+
+    async def stop_driven(self, keys: Iterable[str], why: str, what: str = "deadman") -> None:
         """Stop what somebody drove who is not there any more; what others drive goes on."""
         known = {key_of(servo): servo for servo in self.bus}
         servos = [known[key] for key in keys if key in known and known[key].permit.driven]
@@ -372,8 +416,8 @@ class ServedBus:
         await self.bus._beside_the_loop(partial(self.bus.safety.make_safe, None, servos))
         moving = [key_of(servo) for servo in servos if servo.permit.driven]
         failed = f"{', '.join(moving)} may still move" if moving else None
-        self.audit.note("server", "deadman", self.name, ", ".join(said), {"why": why}, failed or "done")
-        self.events.tell("deadman", bus=self.name, servos=said, why=why, failed=failed)
+        self.audit.note("server", what, self.name, ", ".join(said), {"why": why}, failed or "done")
+        self.events.tell(what, bus=self.name, servos=said, why=why, failed=failed)
 
     async def resume(self, actor: Actor) -> None:
         """Let servos be moved again after a stop, once WINDOW is over. Moves nothing."""
@@ -391,15 +435,23 @@ class ServedBus:
         return await self.bus.stop(servos)
 
     def begin(self, actor: Actor, servos: Iterable[AsyncBusServo]) -> None:
-        """Take note that somebody is about to drive servos. Raises Stopped if nothing is to move now."""
+        """Take note that somebody is about to drive servos.
+
+        Raises Stopped if nothing is to move now, Held if somebody else holds one of them.
+        """
         left = self._stopped_at + WINDOW - asyncio.get_running_loop().time()
         if self.stopped_by:
             raise Stopped(f"{self.name} was stopped by {self.stopped_by}: nothing moves until somebody resumes")
         if left > 0:
             raise Stopped(f"{self.name} was stopped: nothing moves for another {left:.1f} s")
+        keys = [key_of(servo) for servo in servos]
+        for key in keys:
+            other = self._holders.of(self.name, key)
+            if other is not None and other is not actor.holder:
+                raise Held(f"{key} is held by {other.name}: wait until it is let go, or take it over", other.name)
         if actor.holder is not None:
             actor.holder.check()
-            actor.holder.driven |= {(self.name, key_of(servo)) for servo in servos}
+            actor.holder.driven |= {(self.name, key) for key in keys}
 
     async def _check_watched(self, actor: Actor, servo: AsyncBusServo, raws: Mapping[Register[Any], int]) -> None:
         """Raise UsageError for a write that makes a servo turn without end, where nobody is watched meanwhile."""
@@ -461,6 +513,22 @@ class ServedBus:
         servo = self.servo(key)
         await self._audited(actor, "reboot", servo, servo.reboot())
 
+    # Virtual servos
+
+    async def bench(self) -> Bench:
+        """Give the virtual servos of this bus, and what surrounds them. Raises UsageError for a bus of real ones."""
+        return await self._with_owner().bench(self.name)
+
+    async def set_bench(self, actor: Actor, servos: Iterable[int] = (), **changes: Any) -> Bench:
+        """Change what surrounds virtual servos, by number, or all. Raises BadValue, UsageError."""
+        del actor  # nobody's servo is told anything: what surrounds it is everybody's
+        return await self._with_owner().set_bench(self.name, servos=tuple(servos), **changes)
+
+    def _with_owner(self) -> OwnerLink:
+        if self._owner is None:
+            raise UsageError(f"the bench of {self.name} is where its port is open, and here it is not")
+        return self._owner
+
     # Telemetry
 
     def subscribe(self, feed: Feed, wanted: Mapping[str, Sequence[str]] | None, period: float) -> None:
@@ -488,6 +556,9 @@ class ServedBus:
         }
 
     # Helpers
+
+    def _models(self) -> list[tuple[Family, int, type[Model]]]:
+        return [(one.family, one.id, one.model) for one in self.bus]
 
     async def _read(
         self, servo: AsyncBusServo, rows: Sequence[Register[Any]], *, stored: bool

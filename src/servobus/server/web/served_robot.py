@@ -21,6 +21,9 @@ from servobus.server.web.jobs import Jobs, ServerJob
 from servobus.server.web.served_bus import Actor, ServedBus
 from servobus.server.web.values import key_of
 
+RATE = 50.0
+"""Goals a second of a motion: half of what a program sends, for this process serves pages meanwhile."""
+
 
 class ServedRobot:
     """A robot on buses of the server.
@@ -163,7 +166,7 @@ class ServedRobot:
 
         A stop of any of its buses ends it, and so does whoever plays it by going away.
         """
-        played = self.robot.play(motion)
+        played = self.robot.play(motion, rate=RATE)
         played.set_pace(pace)
         self._begin(actor)
 

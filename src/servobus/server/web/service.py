@@ -13,6 +13,7 @@ from typing import Any
 
 from servobus import connect
 from servobus.bus.asyncio import AsyncBus
+from servobus.bus.blocking import Bus
 from servobus.core.ids import LAST_ID, check_ids
 from servobus.errors import ServobusError, StopFailed, UnknownName, UsageError
 from servobus.families import registry
@@ -23,7 +24,7 @@ from servobus.server.web.audit import Audit
 from servobus.server.web.entries import snapshot_entry
 from servobus.server.web.errors import TooMany
 from servobus.server.web.feeds import Events, Feed
-from servobus.server.web.holders import Driven, Holder
+from servobus.server.web.holders import Driven, Holder, Holders
 from servobus.server.web.jobs import Jobs, ServerJob
 from servobus.server.web.owner_link import SESSION, OwnerLink, event_data
 from servobus.server.web.served_bus import Actor, ServedBus
@@ -51,6 +52,7 @@ class Service:
         self.events = Events()
         self.jobs = Jobs(self.events)
         self.audit = Audit(audit)
+        self.holders = Holders()
         self.buses: dict[str, ServedBus] = {}
         self.robots: dict[str, ServedRobot] = {}
         self._recordings, self._opened = recordings, opened
@@ -104,7 +106,14 @@ class Service:
 
     def _add(self, name: str, port: str, bus: AsyncBus) -> None:
         self.buses[name] = ServedBus(
-            name, port, bus, events=self.events, jobs=self.jobs, audit=self.audit, owner=self._owner
+            name,
+            port,
+            bus,
+            events=self.events,
+            jobs=self.jobs,
+            audit=self.audit,
+            holders=self.holders,
+            owner=self._owner,
         )
 
     def _happened(self, event: Happened) -> None:
@@ -160,7 +169,9 @@ class Service:
 
     def holder(self, name: str) -> Holder:
         """Make a holder: someone who drives servos and is watched while he does."""
-        return Holder(name, self._lapsed)
+        holder = Holder(name, self._lapsed)
+        self.holders.add(holder)
+        return holder
 
     async def _lapsed(self, driven: Driven, why: str) -> None:
         for name in {bus for bus, _ in driven}:
@@ -233,8 +244,15 @@ class Service:
                     raise asyncio.CancelledError
                 loop.call_soon_threadsafe(self.jobs.progress, job, done, total, stage)
 
+            owner = self._owner
+
+            def opened(port: str) -> Bus:
+                return connect.open(port) if owner is None else Bus(owner.port(name))
+
             def work() -> None:
-                for finding in examine(served.port, plan, watch):
+                # A port that another process owns is examined through that process.
+                port = served.port if owner is None else owner.address(name)
+                for finding in examine(port, plan, watch, opened):
                     loop.call_soon_threadsafe(job.found.append, finding.entry())
 
             try:

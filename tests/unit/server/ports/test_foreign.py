@@ -137,6 +137,12 @@ class Gate(PermitAll):
         self.gone.append(who)
 
 
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have no answer be too late because this computer is busy."""
+    monkeypatch.setattr("servobus.server.ports.foreign.ANSWERED_WITHIN", PATIENCE)
+
+
 Scene = Callable[[AsyncBus, ForeignPty, Program, Gate], Awaitable[None]]
 
 
@@ -368,6 +374,23 @@ def test_no_answer_comes_behind_the_next_question() -> None:
         program.write(dynamixel(1, *READ_ID))
         assert await program.hear(7) == dynamixel(1, 0, 28)
         assert (port.counts.outdated, len(gate.done)) == (1, 3)
+
+    play("rx28@1", scene)
+
+
+def test_no_answer_comes_when_the_program_may_have_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A question that waits too long for the line is not asked; a command is carried out, and its answer kept back."""
+
+    async def scene(bus: AsyncBus, port: ForeignPty, program: Program, gate: Gate) -> None:
+        monkeypatch.setattr("servobus.server.ports.foreign.ANSWERED_WITHIN", -PATIENCE)
+        program.write(dynamixel(1, *READ_ID))
+        await until(lambda: port.counts.outdated == 1)
+        program.write(dynamixel(1, 3, 25, 1))
+        await until(lambda: port.counts.outdated == 2)
+        assert [request for request, _ in gate.done] == [dynamixel(1, 3, 25, 1)]
+        monkeypatch.setattr("servobus.server.ports.foreign.ANSWERED_WITHIN", PATIENCE)
+        await program.check(ping(1), dynamixel(1, 0))
+        assert real(bus).get("led") == 1
 
     play("rx28@1", scene)
 

@@ -159,6 +159,37 @@ def test_who_is_silent_while_he_drives_stops_his_servos_and_no_others() -> None:
     asyncio.run(main())
 
 
+def test_F28_a_servo_has_one_holder_and_others_are_told_who_that_is() -> None:
+    async def main() -> None:
+        async with served() as made, made.connect() as mine, made.connect() as other:
+            bench = made.service.bus("bench")
+            await bench.bus.torque_on()
+            connection = (await said(other, "welcome"))["connection"]
+            for client in (mine, other):
+                await ask(client, k="hold", deadman=5.0)
+            now = (await ask(mine, k="beat"))["time"]
+            drive = {"k": "drive", "bus": "bench", "time": 0.5, "goals": {RX: 2.0}, "sent": now}
+            assert (await ask(mine, **drive, seq=1))["k"] == "ok"
+            refused = (await ask(other, **drive, seq=1))["error"]
+            assert (refused["type"], "operator of the test" in refused["message"]) == ("Held", True)
+            async with made.client(Role.OPERATOR) as api:
+                api.base_url = f"http://127.0.0.1:{made.port}"
+                path, body = "/api/v1/buses/bench", {"servos": [RX]}
+                assert (await api.get(f"{path}/servos/{RX}")).json()["holder"] == "operator of the test"
+                assert (await api.post(f"{path}/moves", json={"goals": {RX: 1.0}})).status_code == 409
+                assert (await api.post(f"{path}/moves", json={"goals": {RX2: 1.0}})).status_code == 202
+                assert (await api.post(f"{path}/take", json=body)).status_code == 409  # nobody would be watched
+                taken = await api.post(f"{path}/take", json=body, headers={"servobus-connection": connection})
+                assert taken.json()[0]["driven"] is False  # it was made safe
+            assert (await said(mine, "event", what="taken over"))["servos"] == [RX]
+            assert (await ask(mine, **drive, seq=2))["error"]["type"] == "Held"
+            assert (await ask(other, **drive, seq=2))["k"] == "ok"
+            await ask(mine, k="stop", bus="bench")
+            assert bench._holders.of("bench", RX) is None
+
+    asyncio.run(main())
+
+
 def test_who_goes_away_stops_his_servos() -> None:
     async def main() -> None:
         async with served() as made, made.connect() as other:

@@ -33,6 +33,14 @@ async def resume(service: Svc, by: By, bus: BusName) -> Json:
     return Json(service.bus(bus).entry())
 
 
+@router.post("/buses/{bus}/take", responses=gives(list[shapes.Servo], "The servos."))
+async def take(service: Svc, by: By, bus: BusName, body: shapes.TakeBody) -> Json:
+    """Hold servos that another client may hold: they are made safe first. Only over a connection that is watched."""
+    served = service.bus(bus)
+    await served.take_over(by, body.servos)
+    return Json([served.servo_entry(servo) for servo in served.servos(body.servos)])
+
+
 @router.post("/buses/{bus}/moves", status_code=202, responses=gives(shapes.Job, "They move.", 202))
 async def move(service: Svc, by: By, bus: BusName, body: shapes.MoveBody) -> Json:
     """Start a move of several servos that start together and arrive together: a job. Cancelling it stops them.

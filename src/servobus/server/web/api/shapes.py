@@ -59,6 +59,10 @@ class StopBody(Body):
     )
 
 
+class TakeBody(Body):
+    servos: Annotated[list[ServoKey], Field(min_length=1, max_length=254)]
+
+
 class WriteBody(Body):
     values: RegisterValues
     save: bool = Field(default=False, description="whether they survive power-off: EEPROM is written")
@@ -227,6 +231,7 @@ class Servo(BaseModel):
     latched: list[str] = Field(description="alarms that are over, too")
     lost: bool
     driven: bool
+    holder: str | None = Field(description="who drives it, and is watched meanwhile; nobody else may")
     restarted: bool
     eeprom_writes: int
 
@@ -254,6 +259,7 @@ class RegisterRow(BaseModel):
 
 class RegisterNow(RegisterRow):
     now: Value | None = Field(description="null where this servo lacks it")
+    stored: Value | None = Field(description="what survives power-off, where that is a copy of its own")
 
 
 class Change(BaseModel):

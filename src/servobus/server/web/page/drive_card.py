@@ -53,6 +53,8 @@ class DriveCard:
         self._fresh = {-1: Freshness(), 1: Freshness()}
         """Of each button: they count their messages by themselves."""
         self._busy = self._refused = False
+        self._next: float | None = None
+        """The goal that goes out when the one before has."""
         self._turning_to = 0
         self._silence: asyncio.TimerHandle | None = None
         with ui.column().classes("sb-card sb-drive") as self.card:
@@ -231,14 +233,19 @@ class DriveCard:
         )
 
     async def _stream(self, goal: float) -> None:
-        """Follow a goal that is replaced soon; where the one before is not sent yet, this one is left out."""
-        if self._busy or self._refused:
+        """Follow a goal that is replaced soon: the newest goes out as soon as the one before has."""
+        if self._refused:
+            return
+        self._next = goal
+        if self._busy:
             return
         self._busy = True
         try:
-            way = abs(goal - (goal if self.position is None else self.position))
-            time = max(AHEAD, way / (self.settings.speed or FASTEST))
-            await self.bus.stream(self.context.actor, {self.key: goal}, time)
+            while self._next is not None:
+                goal, self._next = self._next, None
+                way = abs(goal - (goal if self.position is None else self.position))
+                time = max(AHEAD, way / (self.settings.speed or FASTEST))
+                await self.bus.stream(self.context.actor, {self.key: goal}, time)
         except ServobusError as error:
             self._refuse(error)
         finally:
@@ -267,7 +274,7 @@ class DriveCard:
             await self._turn(direction)
             return
         self._jog.speed = self.settings.jog
-        if self.position is None or self._busy:
+        if self.position is None or self._refused:
             return
         goal = self._jog.step(direction, loop.time(), self.position)
         if goal is not None:
@@ -289,6 +296,7 @@ class DriveCard:
             self._silence.cancel()
             self._silence = None
         self._jog.end()
+        self._next = None
         if self._turning_to:
             self._turning_to = 0
             await self.context.attempt(self.bus.turn(self.context.actor, self.key, **self._turn_how(0)))

@@ -20,6 +20,7 @@ from servobus.server.web.page.table import PAGES, Entry
 
 HEAD = """
 <link rel="stylesheet" href="/_servobus/theme.css">
+<link rel="stylesheet" href="/_servobus/servo.css">
 <link rel="stylesheet" href="/_servobus/drive.css">
 <script src="/_servobus/shell.js"></script>
 """

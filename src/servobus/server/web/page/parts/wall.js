@@ -41,7 +41,7 @@ function state(row) {
 }
 
 const tone = (row) => (row.state === "lost" || row.alarms.length ? "sb-is-bad" : row.torque === "on" ? "sb-is-on" : "");
-const light = (row) => row.led === null ? null : h("span", { class: "sb-led", role: "img", title: row.led ? "light on" : "light off",
+const light = (row) => row.led === null ? null : h("span", { class: "sb-lamp", role: "img", title: row.led ? "light on" : "light off",
   "aria-label": row.led ? "light on" : "light off", style: row.led ? { background: row.led, color: row.led } : {} });
 const value = (name, text, bad) => text ? h("div", { class: "sb-cell" }, [h("span", { class: "sb-cell-name" }, name), h("span", { class: ["sb-value", bad && "sb-warn"] }, text)]) : null;
 const load = (row) => row.load === null ? null : h("div", { class: "sb-load", title: `load ${Math.round(row.load * 100)} %` },
@@ -60,7 +60,7 @@ const Servo = {
       return h("div", { class: ["sb-line", tone(row), marked && "sb-marked"], role: "row", "data-key": row.key }, [
         box, h("span", { class: "sb-mini" }, [dial(row.angle, row.goal, row.low, row.high, "")]), h("span", { class: "sb-two" }, [name, h("small", `${row.model} · id ${row.id}`)]),
         h("span", { class: "sb-value sb-right" }, degrees(row.angle)), h("span", { class: "sb-value sb-right" }, row.speed),
-        h("span", { class: "sb-wide" }, [load(row)]), h("span", { class: ["sb-value sb-right", row.volts_bad && "sb-warn"] }, row.volts),
+        h("span", { class: "sb-far" }, [load(row)]), h("span", { class: ["sb-value sb-right", row.volts_bad && "sb-warn"] }, row.volts),
         h("span", { class: ["sb-value sb-right", row.temp_bad && "sb-warn"] }, row.temp),
         h("span", { class: "sb-status" }, [light(row), state(row), ...row.alarms.map(([words, mend]) => chip(words, "bad", mend))]),
       ]);
@@ -68,7 +68,7 @@ const Servo = {
     return h("article", { class: ["sb-card sb-servo", tone(row), marked && "sb-marked"], "data-key": row.key, "aria-label": row.name }, [
       h("header", [box, h("div", { class: "sb-two" }, [name, h("small", `${row.model} · id ${row.id}`)]), light(row)]),
       h("div", { class: "sb-body" }, [
-        h("div", { class: "sb-gauge" }, [dial(row.angle, row.goal, row.low, row.high, tone(row)), h("span", { class: "sb-angle sb-value" }, degrees(row.angle))]),
+        h("div", { class: "sb-face" }, [dial(row.angle, row.goal, row.low, row.high, tone(row)), h("span", { class: "sb-angle sb-value" }, degrees(row.angle))]),
         h("div", { class: "sb-cells" }, [value("Speed", row.speed), value("Supply", row.volts, row.volts_bad), value("Heat", row.temp, row.temp_bad),
           row.load === null ? null : h("div", { class: "sb-cell" }, [h("span", { class: "sb-cell-name" }, "Load"), load(row)])]),
       ]),
@@ -133,13 +133,13 @@ export default {
       title: label, "aria-label": label, onClick: () => this.look(view) }, [h("i", { class: "material-icons", "aria-hidden": "true" }, icon)]);
     const everything = this.seen.length > 0 && this.seen.every((row) => this.marks[row.key]);
     const bar = h("div", { class: "sb-wall-bar" }, [
-      h("label", { class: "sb-check" }, [h("input", { type: "checkbox", checked: everything, indeterminate: !everything && this.count > 0, onChange: () => this.all(), "aria-label": "mark all" }),
+      h("label", { class: "sb-tick" }, [h("input", { type: "checkbox", checked: everything, indeterminate: !everything && this.count > 0, onChange: () => this.all(), "aria-label": "mark all" }),
         h("span", this.count ? `${this.count} marked` : `${this.kept.length} servo${this.kept.length === 1 ? "" : "s"}`)]),
       h("input", { type: "search", class: "sb-search", placeholder: "Filter by name, model, id, alarm …", "aria-label": "Filter", value: this.sought, onInput: (event) => { this.sought = event.target.value; } }),
       h("div", { class: "sb-tabs", role: "group", "aria-label": "View" }, [tab("cards", "grid_view", "Cards"), tab("lines", "view_list", "Lines")]),
     ]);
     const head = lines ? [h("div", { class: "sb-line sb-line-head", role: "row" }, ["", "", "Servo", "Angle", "Speed", "Load", "Supply", "Heat", ""].map((text, i) =>
-      h("span", { role: "columnheader", class: [[3, 4, 6, 7].includes(i) && "sb-right", i === 5 && "sb-wide"] }, text)))] : [];
+      h("span", { role: "columnheader", class: [[3, 4, 6, 7].includes(i) && "sb-right", i === 5 && "sb-far"] }, text)))] : [];
     const rows = this.seen.map((row) => h(Servo, { key: row.key, row, lines, bus: this.bus, marked: Boolean(this.marks[row.key]), onToggle: this.toggle }));
     return h("div", { class: "sb-wall" }, [bar, this.seen.length || !this.kept.length ? h("div", { class: lines ? "sb-card sb-lines" : "sb-cards", role: lines ? "table" : undefined }, [...head, ...rows])
       : h("p", { class: "sb-muted" }, "No servo fits this filter.")]);
