@@ -83,13 +83,10 @@ def test_other_families_name_their_registers_otherwise() -> None:
     assert brake["torque"] == "brake"
 
 
-def test_heat_is_marked_before_it_is_too_much() -> None:
+@pytest.mark.parametrize(("degrees", "bad"), [(74.0, False), (76.0, True)])
+def test_heat_is_marked_before_it_is_too_much(degrees: float, bad: bool) -> None:
     # Data sheet of the RX-28: -5 to 85 °C.
-    degrees = {74.0: False, 76.0: True}
-    for value, bad in degrees.items():
-        assert (
-            of("rx28", lambda servo, value=value: live_row(servo, sample(present_temperature=value)))["temp_bad"] is bad
-        )
+    assert of("rx28", lambda servo: live_row(servo, sample(present_temperature=degrees)))["temp_bad"] is bad
 
 
 def test_a_servo_without_an_answer_keeps_what_was_seen_last() -> None:

@@ -129,19 +129,19 @@ export default {
   },
   render() {
     const { lines } = this;
-    const tab = (view, icon, label) => h("button", { type: "button", class: ["sb-tab", (view === "lines") === lines && "sb-tab-on"], "aria-pressed": String((view === "lines") === lines),
+    const tab = (view, icon, label) => h("button", { type: "button", class: ["sb-wall-view", (view === "lines") === lines && "sb-wall-view-on"], "aria-pressed": String((view === "lines") === lines),
       title: label, "aria-label": label, onClick: () => this.look(view) }, [h("i", { class: "material-icons", "aria-hidden": "true" }, icon)]);
     const everything = this.seen.length > 0 && this.seen.every((row) => this.marks[row.key]);
     const bar = h("div", { class: "sb-wall-bar" }, [
       h("label", { class: "sb-tick" }, [h("input", { type: "checkbox", checked: everything, indeterminate: !everything && this.count > 0, onChange: () => this.all(), "aria-label": "mark all" }),
         h("span", this.count ? `${this.count} marked` : `${this.kept.length} servo${this.kept.length === 1 ? "" : "s"}`)]),
       h("input", { type: "search", class: "sb-search", placeholder: "Filter by name, model, id, alarm …", "aria-label": "Filter", value: this.sought, onInput: (event) => { this.sought = event.target.value; } }),
-      h("div", { class: "sb-tabs", role: "group", "aria-label": "View" }, [tab("cards", "grid_view", "Cards"), tab("lines", "view_list", "Lines")]),
+      h("div", { class: "sb-wall-views", role: "group", "aria-label": "View" }, [tab("cards", "grid_view", "Cards"), tab("lines", "view_list", "Lines")]),
     ]);
     const head = lines ? [h("div", { class: "sb-line sb-line-head", role: "row" }, ["", "", "Servo", "Angle", "Speed", "Load", "Supply", "Heat", ""].map((text, i) =>
       h("span", { role: "columnheader", class: [[3, 4, 6, 7].includes(i) && "sb-right", i === 5 && "sb-far"] }, text)))] : [];
     const rows = this.seen.map((row) => h(Servo, { key: row.key, row, lines, bus: this.bus, marked: Boolean(this.marks[row.key]), onToggle: this.toggle }));
-    return h("div", { class: "sb-wall" }, [bar, this.seen.length || !this.kept.length ? h("div", { class: lines ? "sb-card sb-lines" : "sb-cards", role: lines ? "table" : undefined }, [...head, ...rows])
+    return h("div", { class: "sb-wall" }, [bar, this.seen.length || !this.kept.length ? h("div", { class: lines ? "sb-card sb-lines" : "sb-wall-cards", role: lines ? "table" : undefined }, [...head, ...rows])
       : h("p", { class: "sb-muted" }, "No servo fits this filter.")]);
   },
 };
