@@ -64,7 +64,7 @@ def test_a_herkulex_is_changed_until_power_off_alone(server: Server, show: Calla
     page.get_by_text("1 value written and read back").wait_for()
     assert server.value(DRS0602, "position_kp")["raw"] == 100
     assert server.value(DRS0602, "position_kp", stored=True)["raw"] == 70
-    page.get_by_text("after power-on:").first.wait_for()
+    page.locator("[data-register=position_kp]").get_by_text("after power-on:").wait_for()
 
 
 def test_the_grid_of_conditions(server: Server, show: Callable[..., Any]) -> None:
