@@ -18,7 +18,7 @@ SERVOS = (("rx28", 1), ("rx28", 2), ("rx28", 3), ("drs0602", 219), ("lx16a", 5))
 START = 60.0
 """s that the server may take to start on a computer that has much to do."""
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-PATIENCE = 20_000
+PATIENCE = 60_000
 """ms that the page may take for what a test waits for."""
 
 
@@ -120,6 +120,8 @@ def show(server: Server, chromium: Any, logged_in: Path) -> Iterator[Callable[..
         page.on("console", lambda said: note(f"console: {said.text}") if said.type == "error" else None)
         page.on("request", lambda asked: None if _own(asked.url, server.url) else note(f"elsewhere: {asked.url}"))
         page.goto(server.url + path)
+        # What is typed before the page is connected is lost.
+        page.wait_for_selector("[data-link=ok], [data-link=slow]", state="attached")
         return page
 
     yield open_page

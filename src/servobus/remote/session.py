@@ -28,6 +28,7 @@ from servobus.remote.protocol import Beat, Beaten, Failed, Hello, Refused, Welco
 class RemoteSession:
     """A session of a server; see the head of this module.
 
+    token    what lets it in; by default that of the environment, or of the runtime file of a server here
     told     gets each message that answers nothing
     ended    called with the reason when the connection has ended
     delay    s that the last sign of life took there and back
@@ -41,8 +42,9 @@ class RemoteSession:
         client: str = "program",
         deadman: float = 0.0,
         beats: bool = False,
+        token: str = "",
     ) -> None:
-        self.address = address
+        self.address, self._token = address, token
         self.told: Callable[[Any], object] = _ignore
         self.ended: Callable[[str], object] = _ignore
         self.delay = 0.0
@@ -71,7 +73,8 @@ class RemoteSession:
 
     async def open(self) -> None:
         """Connect. Raises PortError."""
-        host, port, token = where(self.address)
+        address = self.address
+        host, port, token = (address.host, address.port, self._token) if self._token else where(address)
         hello = self._hello
         try:
             async with asyncio.timeout(CONNECT):
@@ -100,7 +103,8 @@ class RemoteSession:
     def port(self, name: str) -> RemotePort:
         """Open a bus as a port that acts for this session: `AsyncBus(session.port("arm"))`. It takes a moment."""
         address = self.address
-        return RemotePort(Address(address.host, address.port, name), name=self._hello.name, session=self.id)
+        place = Address(address.host, address.port, name)
+        return RemotePort(place, name=self._hello.name, session=self.id, deadman=0.0, token=self._token)
 
     def tell(self, message: Any) -> None:
         """Send a message that is not answered. Raises PortLost."""

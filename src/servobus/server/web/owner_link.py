@@ -7,12 +7,10 @@ loop hangs, or the process dies, the owner of the ports makes safe what was set 
 import asyncio
 import json
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from typing import Any
 
 from servobus.bus.asyncio import AsyncBus
 from servobus.remote.address import Address
-from servobus.remote.client import Client
 from servobus.remote.managing import (
     Bench,
     CloseBus,
@@ -28,22 +26,23 @@ from servobus.remote.managing import (
     WatchTraffic,
 )
 from servobus.remote.port import RemotePort
+from servobus.remote.session import RemoteSession
 
 SESSION = "web"
 """Name of the session of this process."""
 DEADMAN = 1.0
 """s after which this process is taken for hung. Its loop has been seen to stand still for 55 ms."""
-BEAT = 0.2
-"""s between two signs of life."""
 
 
 class OwnerLink:
     """The connection to the process that owns the ports."""
 
     def __init__(self, host: str, port: int, token: str) -> None:
-        self._host, self._port, self._token = host, port, token
-        self._client: Client
-        self._beating: asyncio.Task[None] | None = None
+        self._host, self._port = host, port
+        self._session = RemoteSession(
+            Address(host, port, ""), name=SESSION, client="web", deadman=DEADMAN, beats=True, token=token
+        )
+        self._happened: Callable[[Happened], object] = _ignore
         self._traffic: dict[str, Callable[[Traffic], object]] = {}
         """Bus -> who is told of its bytes."""
         self.ended = asyncio.Event()
@@ -51,23 +50,16 @@ class OwnerLink:
 
     async def connect(self, told: Callable[[Happened], object]) -> dict[str, str]:
         """Connect; `told` is told of events from now on. Gives name -> port of the buses. Raises PortError."""
-        self._client = await Client.connect(
-            self._host, self._port, self._token, name=SESSION, client="web", deadman=DEADMAN
-        )
-        self.ended = self._client.ended
-        self._client.listen(Happened, told)
-        self._client.listen(Traffic, self._carried)
-        self._beating = asyncio.get_running_loop().create_task(self._beat())
-        await self._client.ask(WatchEvents)
-        return {info.name: info.port for info in self._client.welcome.buses}
+        self._happened = told
+        self._session.told = self._told
+        self._session.ended = self._ended
+        await self._session.open()
+        await self._session.ask(WatchEvents)
+        return {info.name: info.port for info in self._session.welcome.buses}
 
     async def close(self) -> None:
         """End the connection: what was set in motion from here is made safe."""
-        if self._beating is not None:
-            self._beating.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._beating
-            await self._client.close()
+        await self._session.close()
 
     async def bus(self, name: str) -> AsyncBus:
         """Give the driver of a bus, in the session of this process. Raises PortError."""
@@ -75,8 +67,7 @@ class OwnerLink:
 
     def port(self, name: str) -> RemotePort:
         """Open a bus in the session of this process; waits for the owner, so it belongs into a thread."""
-        address = Address(self._host, self._port, name)
-        return RemotePort(address, name=SESSION, session=self._client.welcome.session, deadman=0.0, token=self._token)
+        return self._session.port(name)
 
     def address(self, name: str) -> str:
         """Give the name of a bus as a port for other programs of ours."""
@@ -84,52 +75,56 @@ class OwnerLink:
 
     async def open_bus(self, name: str, port: str) -> None:
         """Have a port opened as a bus. Raises UsageError, PortError."""
-        await self._client.ask(OpenBus, bus=name, port=port)
+        await self._session.ask(OpenBus, bus=name, port=port)
 
     async def close_bus(self, name: str) -> None:
         """Have a bus closed."""
-        await self._client.ask(CloseBus, bus=name)
+        await self._session.ask(CloseBus, bus=name)
 
     async def stop(self, bus: str = "", servos: Iterable[str] = ()) -> None:
         """Stop servos, or all of a bus, or all. Raises StopFailed."""
-        await self._client.ask(StopServos, bus=bus, servos=tuple(servos))
+        await self._session.ask(StopServos, bus=bus, servos=tuple(servos))
 
     async def resume(self, bus: str) -> None:
         """Allow motion again."""
-        await self._client.ask(Resume, bus=bus)
+        await self._session.ask(Resume, bus=bus)
 
     async def save_box(self, bus: str, why: str) -> str:
         """Have the last minute of a bus saved; gives the path of the recording."""
-        return str((await self._client.ask(SaveBox, bus=bus, why=why)).text)
+        return str((await self._session.ask(SaveBox, bus=bus, why=why)).text)
 
     async def watch_traffic(self, bus: str, told: Callable[[Traffic], object]) -> None:
         """Have somebody told of the bytes on a bus from now on, in place of whoever was. Raises UsageError."""
         self._traffic[bus] = told
-        await self._client.ask(WatchTraffic, bus=bus, on=True)
+        await self._session.ask(WatchTraffic, bus=bus, on=True)
 
     async def forget_traffic(self, bus: str) -> None:
         """Tell nobody of the bytes on a bus any more."""
         self._traffic.pop(bus, None)
-        await self._client.ask(WatchTraffic, bus=bus, on=False)
+        await self._session.ask(WatchTraffic, bus=bus, on=False)
 
     async def bench(self, bus: str) -> Bench:
         """Give the virtual servos of a bus. Raises UsageError for a bus of real ones."""
-        bench: Bench = await self._client.ask(LookAtBench, bus=bus)
+        bench: Bench = await self._session.ask(LookAtBench, bus=bus)
         return bench
 
     async def set_bench(self, bus: str, **changes: Any) -> Bench:
         """Change what surrounds virtual servos; see `SetBench`. Raises BadValue, UsageError."""
-        bench: Bench = await self._client.ask(SetBench, bus=bus, **changes)
+        bench: Bench = await self._session.ask(SetBench, bus=bus, **changes)
         return bench
 
-    def _carried(self, traffic: Traffic) -> None:
-        if traffic.bus in self._traffic:
-            self._traffic[traffic.bus](traffic)
+    def _told(self, message: Any) -> None:
+        if isinstance(message, Happened):
+            self._happened(message)
+        elif isinstance(message, Traffic) and message.bus in self._traffic:
+            self._traffic[message.bus](message)
 
-    async def _beat(self) -> None:
-        while not self._client.why:
-            self._client.beat()
-            await asyncio.sleep(BEAT)
+    def _ended(self, _why: str) -> None:
+        self.ended.set()
+
+
+def _ignore(_: Happened) -> None:
+    """Pass over what happens before somebody wants to know."""
 
 
 def event_data(event: Happened) -> dict[str, Any]:

@@ -29,7 +29,16 @@ from servobus.server.web.jobs import Jobs, ServerJob
 from servobus.server.web.owner_link import SESSION, OwnerLink
 from servobus.server.web.poller import LONGEST, OVERVIEW, SHORTEST, Poller, Rows
 from servobus.server.web.traffic import TrafficWatch
-from servobus.server.web.values import decoded, key_of, optional_row, raw_value, raws_of, readable_row, servo_of
+from servobus.server.web.values import (
+    Content,
+    decoded,
+    key_of,
+    optional_row,
+    raw_value,
+    raws_of,
+    readable_row,
+    servo_of,
+)
 
 T = TypeVar("T")
 
@@ -156,12 +165,26 @@ class ServedBus:
         """Give the table of a servo, the rows that can be read; nothing is asked."""
         return [si_register_entry(row) for row in self.servo(key).model.registers.values() if row.readable]
 
-    async def registers(self, key: str) -> list[dict[str, Any]]:
-        """Give the whole table of a servo: each row with its value, None where this servo lacks it."""
+    async def held(self, key: str) -> dict[Register[Any], Content]:
+        """Read the whole table of a servo: each row that can be read, with what acts and what survives power-off."""
         servo = self.servo(key)
         raws = await self._asked(self.bus.do(read_table(servo.target), servo.baud))
+        copied = [row for row, raw in raws.items() if raw is not None and row.place.has_working_copy]
+        stored = await self._read(servo, copied, stored=True)
+        return {row: Content(raw, stored.get(row)) for row, raw in raws.items()}
+
+    async def registers(self, key: str) -> list[dict[str, Any]]:
+        """Give the whole table of a servo: each row with its value, None where this servo lacks it.
+
+        `stored` is what survives power-off, where that is a copy of its own.
+        """
         return [
-            {**si_register_entry(row), "now": None if raw is None else si_entry(row, raw)} for row, raw in raws.items()
+            {
+                **si_register_entry(row),
+                "now": None if held.now is None else si_entry(row, held.now),
+                "stored": None if held.stored is None else si_entry(row, held.stored),
+            }
+            for row, held in (await self.held(key)).items()
         ]
 
     async def read(self, key: str, names: Sequence[str], *, stored: bool = False) -> dict[str, Any]:

@@ -6,10 +6,28 @@ from typing import Any
 from servobus.bus.asyncio import AsyncBus, AsyncBusServo
 from servobus.core.registers import Register
 from servobus.core.units import Flags, Switch
+from servobus.core.values import frozen
 from servobus.errors import BadReading, BadValue, UnknownName, UsageError
 
 MOST_TEXT = 200
 """Characters of a value that is given as a text."""
+
+
+@frozen
+class Content:
+    """What a servo has in one register, raw.
+
+    now     what acts; None if this servo lacks the register
+    stored  what survives power-off, where that is a copy of its own; else None
+    """
+
+    now: int | None
+    stored: int | None = None
+
+    @property
+    def differs(self) -> bool:
+        """Whether the servo would have another value after power-off."""
+        return self.stored is not None and self.stored != self.now
 
 
 def key_of(servo: AsyncBusServo) -> str:

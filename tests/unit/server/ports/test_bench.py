@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from servobus.errors import BadValue, UsageError
-from servobus.remote.client import Client
 from servobus.remote.managing import Bench, LookAtBench, SetBench
+from servobus.remote.session import RemoteSession
 from unit.remote.hosted import TOKEN, VIEWER, Owned
 from unit.server.ports.test_owner import talk, truth
 
@@ -20,7 +20,7 @@ def server(tmp_path: Path) -> Iterator[Owned]:
 
 
 def change(server: Owned, token: str = TOKEN, **changes: Any) -> Bench:
-    async def work(client: Client) -> Bench:
+    async def work(client: RemoteSession) -> Bench:
         bench: Bench = await client.ask(SetBench, bus="arm", **changes)
         return bench
 

@@ -13,7 +13,6 @@ import pytest
 from servobus import RX28, Bus
 from servobus.bus.blocking import BusServo
 from servobus.errors import BusError, Held, PortError, Stopped, UnknownName, UsageError
-from servobus.remote.client import Client
 from servobus.remote.managing import (
     CloseBus,
     Happened,
@@ -31,6 +30,7 @@ from servobus.remote.managing import (
     WatchEvents,
     WatchTraffic,
 )
+from servobus.remote.session import RemoteSession
 from servobus.server.ports.control import Place
 from servobus.traffic.recording import Chunk, Note, parse
 from servobus.virtual.device.servo import VirtualServo
@@ -80,14 +80,26 @@ def moving(bus: Bus, id: int) -> BusServo:
     return servo
 
 
-def talk(server: Owned, work: Callable[[Client], Awaitable[T]], token: str = TOKEN, **how: Any) -> T:
+def talk(server: Owned, work: Callable[[RemoteSession], Awaitable[T]], token: str = TOKEN, **how: Any) -> T:
     """Do something as a client of the server."""
 
     async def session() -> T:
-        async with await Client.connect("127.0.0.1", server.port, token, **{"name": "Anna", **how}) as client:
+        async with RemoteSession(server.address("arm"), token=token, **{"name": "Anna", **how}) as client:
             return await asyncio.wait_for(work(client), PATIENCE)
 
     return asyncio.run(session())
+
+
+def sorted_into(telemetry: list[Telemetry], happened: list[Happened]) -> Callable[[Any], None]:
+    """Give what puts messages where they belong."""
+
+    def told(message: Any) -> None:
+        if isinstance(message, Telemetry):
+            telemetry.append(message)
+        elif isinstance(message, Happened):
+            happened.append(message)
+
+    return told
 
 
 # Who may move what
@@ -129,7 +141,7 @@ def test_a_servo_has_one_holder_and_the_refusal_names_it(server: Owned) -> None:
 
 
 def test_a_lease_is_taken_over_and_the_servo_stopped(server: Owned) -> None:
-    async def over(client: Client) -> str:
+    async def over(client: RemoteSession) -> str:
         with pytest.raises(Held):
             await client.ask(TakeLease, bus="arm", servos=(ONE,))
         await client.ask(TakeLease, bus="arm", servos=(ONE,), over=True)
@@ -149,7 +161,7 @@ def test_a_lease_is_taken_over_and_the_servo_stopped(server: Owned) -> None:
 def test_who_hangs_has_its_servos_made_safe(server: Owned) -> None:
     """A page whose signs of life stop; the connection itself stands."""
 
-    async def hang(client: Client) -> None:
+    async def hang(client: RemoteSession) -> None:
         await client.ask(Introduce, bus="arm", servo=ONE, model="rx28")
         await client.ask(TakeLease, bus="arm", servos=(ONE,))
         owner = server.owner
@@ -163,7 +175,7 @@ def test_who_hangs_has_its_servos_made_safe(server: Owned) -> None:
 
 
 def test_a_viewer_only_looks(server: Owned) -> None:
-    async def look(client: Client) -> None:
+    async def look(client: RemoteSession) -> None:
         for kind, fields in (
             (TakeLease, {"bus": "arm", "servos": (ONE,)}),
             (Resume, {"bus": "arm"}),
@@ -234,9 +246,8 @@ def test_all_that_is_met_is_shown_and_said(server: Owned) -> None:
     told: list[Telemetry] = []
     happened: list[Happened] = []
 
-    async def watch(client: Client) -> None:
-        client.listen(Telemetry, told.append)
-        client.listen(Happened, happened.append)
+    async def watch(client: RemoteSession) -> None:
+        client.told = sorted_into(told, happened)
         await client.ask(WatchEvents)
         await client.ask(Subscribe, bus="arm", servos=(), period=0.02)
         await asyncio.to_thread(scan)
@@ -261,8 +272,8 @@ def test_all_that_is_met_is_shown_and_said(server: Owned) -> None:
 def test_a_servo_that_falls_silent_and_comes_back_is_told(server: Owned) -> None:
     happened: list[Happened] = []
 
-    async def watch(client: Client) -> None:
-        client.listen(Happened, happened.append)
+    async def watch(client: RemoteSession) -> None:
+        client.told = sorted_into([], happened)
         await client.ask(WatchEvents)
         with pytest.raises(UnknownName, match="no servo dynamixel:9@57600 was met on bus arm"):
             await client.ask(TakeLease, bus="arm", servos=("dynamixel:9@57600",))
@@ -294,8 +305,8 @@ def test_what_nothing_answers_brings_no_servo(server: Owned) -> None:
 def test_traffic_is_told_with_who_asked(server: Owned) -> None:
     pieces: list[Traffic] = []
 
-    async def watch(client: Client) -> None:
-        client.listen(Traffic, pieces.append)
+    async def watch(client: RemoteSession) -> None:
+        client.told = pieces.append
         await client.ask(WatchTraffic, bus="arm", on=True)
         await asyncio.to_thread(ask)
         await until(lambda: answers().endswith(bytes.fromhex("FFFF010200FC")))
@@ -323,7 +334,7 @@ def test_the_black_box_is_a_recording_with_events(server: Owned) -> None:
 
 
 def test_buses_come_and_go_while_others_work(server: Owned) -> None:
-    async def open_and_close(client: Client) -> None:
+    async def open_and_close(client: RemoteSession) -> None:
         await client.ask(OpenBus, bus="leg", port="virtual:rx28@1")
         with pytest.raises(UsageError, match="there is a bus 'leg' already"):
             await client.ask(OpenBus, bus="leg", port="virtual:rx28@1")

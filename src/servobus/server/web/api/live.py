@@ -28,13 +28,13 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter
 from pydantic import Field, TypeAdapter, ValidationError
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from servobus.errors import ServobusError
 from servobus.server.web.api.answers import Context, role_of
 from servobus.server.web.api.shapes import Body, Finite, Goals, Name, Seconds, ServoKey, Text
 from servobus.server.web.auth import Login, Role
-from servobus.server.web.errors import TooMany, error_entry
+from servobus.server.web.errors import RoleTooLow, TooMany, error_entry
 from servobus.server.web.feeds import Feed
 from servobus.server.web.holders import Holder
 from servobus.server.web.rates import Bucket
@@ -213,10 +213,6 @@ class _Client:
         await self.holder.settled()
 
 
-class RoleTooLow(ServobusError):
-    """The role of the login is too low."""
-
-
 @router.websocket("/live")
 async def live(socket: WebSocket) -> None:
     """Open the live connection."""
@@ -238,5 +234,5 @@ async def live(socket: WebSocket) -> None:
         for task in tasks:
             task.cancel()
         for task in tasks:
-            with contextlib.suppress(asyncio.CancelledError, TimeoutError, RuntimeError, OSError):
+            with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, TimeoutError, RuntimeError, OSError):
                 await task  # it could not send any more

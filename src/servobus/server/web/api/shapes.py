@@ -259,6 +259,7 @@ class RegisterRow(BaseModel):
 
 class RegisterNow(RegisterRow):
     now: Value | None = Field(description="null where this servo lacks it")
+    stored: Value | None = Field(description="what survives power-off, where that is a copy of its own")
 
 
 class Change(BaseModel):

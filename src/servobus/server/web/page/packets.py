@@ -112,11 +112,16 @@ class PacketsPage:
                         {"field": "worst", "headerName": "Longest ms", "flex": 1, "minWidth": 78},
                         {"field": "errors", "headerName": "Errors %", "flex": 1, "minWidth": 70},
                     ],
-                    "defaultColDef": {"sortable": True, "suppressMovable": True, "resizable": True},
+                    "defaultColDef": {
+                        "wrapHeaderText": True,
+                        "sortable": True,
+                        "suppressMovable": True,
+                        "resizable": True,
+                    },
                     "rowData": [],
                     ":getRowId": "params => params.data.servo",
                     "rowHeight": 36,
-                    "headerHeight": 36,
+                    "headerHeight": 48,
                 },
                 auto_size_columns=False,
             ).classes("sb-counts")

@@ -1,0 +1,1 @@
+"""What the page of one servo shows and does, without the page: groups of registers, edits, conditions, limits."""
