@@ -55,6 +55,10 @@ class TooMany(ServobusError):
     """A bound of the server is reached: of jobs, of clients, of what waits."""
 
 
+class RoleTooLow(ServobusError):
+    """The role of the login is too low."""
+
+
 def status_of(error: ServobusError) -> int:
     """Give the status of an answer that tells of an error."""
     if isinstance(error, TooMany):

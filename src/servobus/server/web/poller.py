@@ -25,7 +25,7 @@ MISSED = 3
 """Readings in a row without an answer after which a servo is said to be lost."""
 OVERVIEW = (
     "present_position", "goal_position", "present_speed", "present_load", "present_voltage", "present_temperature",
-    "present_current", "torque_enable", "led", "moving",
+    "present_current", "torque_enable", "led", "led_control", "moving",
 )  # fmt: skip
 """What is read of each servo where a client asks for an overview, as far as its model has it."""
 

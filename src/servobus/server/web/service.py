@@ -26,7 +26,7 @@ from servobus.server.web.errors import TooMany
 from servobus.server.web.feeds import Events, Feed
 from servobus.server.web.holders import Driven, Holder, Holders
 from servobus.server.web.jobs import Jobs, ServerJob
-from servobus.server.web.owner_link import OwnerLink, event_data
+from servobus.server.web.owner_link import SESSION, OwnerLink, event_data
 from servobus.server.web.served_bus import Actor, ServedBus
 from servobus.server.web.served_robot import ServedRobot
 from servobus.server.web.values import key_of
@@ -128,6 +128,8 @@ class Service:
             return
         if served is not None:
             served.follow(event.what, data)
+            if event.what == "stopped" and data.get("by") == SESSION:
+                data["by"] = served.stopped_by
         self.events.tell(event.what, **data)
 
     async def close_bus(self, by: str, name: str) -> None:
@@ -274,6 +276,16 @@ class Service:
         if name not in self.robots:
             raise UnknownName(f"there is no robot {name[:40]!r} (there are: {', '.join(self.robots) or 'none'})")
         return self.robots[name]
+
+    def joints(self, bus: str) -> dict[str, str]:
+        """Name the servos of a bus as the robot files do: key -> joint."""
+        return {
+            part["key"]: name
+            for robot in self.robots.values()
+            for name, joint in robot.entry()["joints"].items()
+            for part in joint["servos"]
+            if part["bus"] == bus
+        }
 
     # Models and recordings
 

@@ -34,7 +34,7 @@ from servobus.errors import ServobusError
 from servobus.server.web.api.answers import Context, role_of
 from servobus.server.web.api.shapes import Body, Finite, Goals, Name, Seconds, ServoKey, Text
 from servobus.server.web.auth import Login, Role
-from servobus.server.web.errors import TooMany, error_entry
+from servobus.server.web.errors import RoleTooLow, TooMany, error_entry
 from servobus.server.web.feeds import Feed
 from servobus.server.web.holders import Holder
 from servobus.server.web.rates import Bucket
@@ -211,10 +211,6 @@ class _Client:
         self._service.leave(self.feed)
         self.holder.leave()
         await self.holder.settled()
-
-
-class RoleTooLow(ServobusError):
-    """The role of the login is too low."""
 
 
 @router.websocket("/live")

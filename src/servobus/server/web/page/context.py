@@ -17,6 +17,7 @@ from nicegui.element import Element
 from servobus.errors import ServobusError
 from servobus.server.web.api.answers import Context
 from servobus.server.web.auth import Login, Role
+from servobus.server.web.errors import RoleTooLow
 from servobus.server.web.feeds import Feed
 from servobus.server.web.page.parts import toast
 from servobus.server.web.served_bus import Actor, ServedBus
@@ -58,9 +59,20 @@ class PageContext:
         """Whether this login may move servos and change settings; what it may not do is refused in any case."""
         return self.role >= Role.OPERATOR
 
+    def check_may_change(self) -> None:
+        """Raise RoleTooLow for those who may look only: a page asks here whatever it shows or hides."""
+        if not self.may_change:
+            raise RoleTooLow(f"this needs the role operator, and {self.login.name} is {self.role} here")
+
+    @property
+    def viewer(self) -> Actor:
+        """Who asks, for what everybody may do who has logged in: stop."""
+        return Actor(self.login.name)
+
     @property
     def actor(self) -> Actor:
-        """Who asks, with the heartbeat of this tab. Raises Stopped where the tab has not been heard of lately."""
+        """Who asks, with the heartbeat of this tab, to move or change something. Raises RoleTooLow."""
+        self.check_may_change()
         owner, holder = self.application.holders.get(self.connection, (None, None))
         if holder is None or owner is not self.login:
             return Actor(self.login.name)
@@ -140,6 +152,14 @@ class PageContext:
             with self.content:
                 toast.told(done)
         return result
+
+    def fault(self, error: Exception) -> None:
+        """Say what has gone wrong where nobody has caught it."""
+        with self.content:
+            if isinstance(error, ServobusError):
+                toast.failed(error)
+            else:
+                toast.fault()
 
     # For the shell
 

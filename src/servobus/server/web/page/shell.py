@@ -3,7 +3,7 @@
 The heartbeat and STOP are a script of their own, `assets/shell.js`: they need nothing of what the page does otherwise.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 from nicegui import PageArguments, ui
@@ -12,7 +12,9 @@ from starlette.requests import Request
 
 from servobus.server.web.api.answers import role_of
 from servobus.server.web.app import WebApplication
+from servobus.server.web.page.access import access_menu
 from servobus.server.web.page.context import PageContext
+from servobus.server.web.page.parts import toast
 from servobus.server.web.page.parts.confirm import confirm
 from servobus.server.web.page.table import PAGES, Entry
 
@@ -44,6 +46,7 @@ class Shell:
         context = PageContext(self._context, state.login, role_of(state), ui.context.client)
         ui.context.client.on_connect(context.start)
         ui.context.client.on_delete(context.close)
+        ui.context.client.on_exception(context.fault)
         ui.add_head_html(HEAD)
         ui.colors(primary="#2f6fed", positive="#12855a", negative="#c9251d", warning="#b7740f", info="#2f6fed")
         Frame(context, request.cookies.get(THEME_COOKIE, ""))
@@ -76,6 +79,7 @@ class Frame:
     def _shows(self, entry: Entry) -> Callable[[PageArguments], object]:
         def show(arguments: PageArguments) -> object:
             self._context.turn_to(dict(arguments.query_parameters))
+            self._bus_picker()
             self._title.text = entry.title
             for name, link in self._links.items():
                 link.classes(
@@ -93,6 +97,7 @@ class Frame:
             menu.classes("sb-menu")
             self._title = ui.label("").classes("sb-heading").props("role=heading aria-level=1")
             ui.space()
+            self._buses = ui.row().classes("no-wrap")
             self._bus_picker()
             ui.element("div").classes("sb-link").props("id=sb-link role=status aria-live=polite")
             self._theme_button = (
@@ -114,21 +119,25 @@ class Frame:
                     self._links[entry.name] = link
             ui.space()
             context = self._context
-            with ui.column().classes("sb-who"):
-                ui.label(f"{context.login.name}").classes("sb-muted")
-                ui.label(str(context.role)).classes("sb-chip")
+            with ui.column().classes("sb-who"), ui.row().classes("sb-row no-wrap"):
+                with ui.column().classes("sb-two"):
+                    ui.label(context.login.name)
+                    ui.label(str(context.role)).classes("sb-muted sb-small")
+                access_menu(context)
             ui.label("Space or Esc stops all servos").classes("sb-muted sb-small")
         return drawer
 
     def _bus_picker(self) -> None:
         """Choose the bus, where there is a choice."""
+        self._buses.clear()
         names = list(self._context.service.buses)
         if len(names) < 2:
             return
         bus = self._context.bus
-        ui.select(names, value=bus and bus.name, on_change=lambda event: self._turn_bus(event.value)).props(
-            'dense outlined options-dense aria-label="Bus"'
-        ).classes("sb-bus")
+        with self._buses:
+            ui.select(names, value=bus and bus.name, on_change=lambda event: self._turn_bus(event.value)).props(
+                'dense outlined options-dense aria-label="Bus"'
+            ).classes("sb-bus")
 
     def _turn_bus(self, name: str) -> None:
         path = ui.context.client.sub_pages_router.current_path.partition("?")[0].strip("/")
@@ -160,8 +169,12 @@ class Frame:
                 ui.label(warning)
 
     def _event(self, event: dict[str, Any]) -> None:
-        if event["what"] in ("stopped", "resumed", "opened", "closed", "port gone", "port back"):
+        if event["what"] in ("stopped", "resumed", "opened", "closed", "port gone", "port back", "gone", "back"):
             self._stopped()
+        if event["what"] in ("opened", "closed"):
+            self._bus_picker()
+        if event["what"] == "deadman":
+            toast.warned(f"{event.get('why', '')}: its servos were stopped")
 
     def _stopped(self) -> None:
         """Show which buses were stopped, and which ports are gone."""
@@ -173,24 +186,32 @@ class Frame:
                     with ui.row().classes("sb-banner sb-banner-bad").props("role=alert"):
                         ui.icon("usb_off")
                         ui.label(f"{bus.name}: {bus.gone}. It is opened again as soon as it is back.").classes("col")
-                if bus.stopped_by:
-                    with ui.row().classes("sb-banner sb-banner-bad").props("role=alert"):
-                        ui.icon("front_hand")
-                        ui.label(f"{bus.name} was stopped by {bus.stopped_by}. Nothing moves until somebody resumes.")
-                        ui.space()
-                        if self._context.may_change:
-                            ui.button("Resume", on_click=lambda name=bus.name: self._resume(name)).props(
-                                "unelevated no-caps dense color=white text-color=black"
-                            )
+            stopped = {bus.name: bus.stopped_by for bus in self._context.service.buses.values() if bus.stopped_by}
+            if stopped:
+                with ui.row().classes("sb-banner sb-banner-bad").props("role=alert"):
+                    ui.icon("front_hand")
+                    ui.label(stop_said(stopped, list(self._context.service.buses))).classes("col")
+                    if self._context.may_change:
+                        ui.button("Resume", on_click=lambda: self._resume(list(stopped))).props(
+                            "unelevated no-caps color=white text-color=black"
+                        )
 
-    async def _resume(self, name: str) -> None:
+    async def _resume(self, names: list[str]) -> None:
         context = self._context
-        bus = context.service.bus(name)
+        buses = [context.service.buses[name] for name in names if name in context.service.buses]
         sure = await confirm(
             "Resume?",
             "Nothing moves by itself, but programs and pages may move these servos again.",
             does="Resume",
-            names=[str(servo["key"]) for servo in bus.servo_entries()],
+            names=[str(servo["key"]) for bus in buses for servo in bus.servo_entries()],
         )
         if sure:
-            context.attempt_now(lambda: bus.resume(context.actor), "Servos may be moved again")
+            for bus in buses:
+                await context.attempt(bus.resume(context.actor))
+
+
+def stop_said(stopped: Mapping[str, str], buses: Sequence[str]) -> str:
+    """Say what was stopped and by whom: bus -> name of who did, and all buses that there are."""
+    who = " and ".join(dict.fromkeys(stopped.values()))
+    what = "Everything" if set(stopped) == set(buses) else " and ".join(stopped)
+    return f"{what} was stopped by {who}. Nothing moves until somebody resumes."

@@ -83,6 +83,10 @@
     stop,
     // By the clock of this page; for what is sent again and again while a button is held.
     alive: () => heard > 0 && performance.now() - heard < 1000 * DEADMAN,
+    async ask(method, path, body) {
+      const answer = await fetch(`/api/v1${path}`, { method, headers: { "Content-Type": "application/json" }, body: body && JSON.stringify(body) });
+      return answer.json();
+    },
     keepTheme(name) { document.cookie = `servobus_theme=${name}; path=/; max-age=31536000; SameSite=Strict`; },
   };
   open();

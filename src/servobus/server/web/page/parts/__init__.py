@@ -1,1 +1,1 @@
-"""What several pages show."""
+"""What several pages show. No part knows a page or the context of one."""

@@ -1,7 +1,7 @@
 """Short messages that go away: what has been done, and errors with what to do about them."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 from nicegui import ui
 
@@ -15,6 +15,8 @@ def said(error: ServobusError) -> tuple[str, str]:
     return entry["message"], PAGE_REMEDIES.get(entry["type"], "")
 
 
+PLACE: Literal["bottom-right"] = "bottom-right"
+"""Away from STOP and from the messages at the top that stay."""
 PAGE_REMEDIES: Mapping[str, str] = {
     "TorqueOff": "Switch the torque of the servo on first.",
     "Stopped": "Press Resume at the top of the page.",
@@ -25,7 +27,12 @@ PAGE_REMEDIES: Mapping[str, str] = {
 
 def told(text: str) -> None:
     """Say what has been done."""
-    ui.notify(text, type="positive", position="top", timeout=2500, progress=False)
+    ui.notify(text, type="positive", position=PLACE, timeout=2500, progress=False)
+
+
+def warned(text: str) -> None:
+    """Say what somebody should know."""
+    ui.notify(text, type="warning", position=PLACE, timeout=6000, multi_line=True)
 
 
 def failed(error: ServobusError) -> None:
@@ -34,9 +41,14 @@ def failed(error: ServobusError) -> None:
     ui.notify(
         sentence,
         type="negative",
-        position="top",
+        position=PLACE,
         timeout=9000,
         close_button="OK",
         multi_line=True,
         caption=remedy or None,
     )
+
+
+def fault() -> None:
+    """Say that the server has a fault, which its log tells more about."""
+    ui.notify("A fault of the server: its log says more", type="negative", position=PLACE, timeout=9000)
