@@ -349,7 +349,7 @@ def test_buses_come_and_go_while_others_work(server: Owned) -> None:
     with server.bus("arm") as bus:
         servo = moving(bus, 1)
         talk(server, open_and_close)
-        assert servo.read("moving")
+        assert servo.read(RX28.torque_enable)
 
 
 def test_a_new_id_goes_with_the_lease(server: Owned) -> None:
