@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from servobus.server.web.page import bench, doctor, move, overview, packets, plot, servo, tune
+from servobus.server.web.page import bench, doctor, move, overview, packets, plot, servo
 from servobus.server.web.page.context import PageContext
 
 
@@ -32,7 +32,6 @@ PAGES = (
     Entry("servo", "Servo", "tune", "Settings of one servo", servo.build),
     Entry("move", "Move", "open_with", "Turn servos by hand, poses and motions", move.build),
     Entry("plot", "Plot", "show_chart", "Values against time", plot.build),
-    Entry("tune", "Tune", "ssid_chart", "Steps and gains", tune.build),
     Entry("packets", "Packets", "swap_vert", "What goes over the line", packets.build),
     Entry("doctor", "Doctor", "medical_services", "What is wrong, and how to mend it", doctor.build),
     Entry("bench", "Bench", "science", "Loads and faults of virtual servos", bench.build),

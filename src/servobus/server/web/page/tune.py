@@ -1,9 +1,0 @@
-"""Tune."""
-
-from servobus.server.web.page.context import PageContext
-from servobus.server.web.page.parts.empty import empty
-
-
-def build(context: PageContext) -> None:
-    """Build the page."""
-    empty("construction", "Tune", f"There is nothing yet of {context.bus and context.bus.name}.")
