@@ -102,6 +102,7 @@ def test_scan_finds_servos_and_they_are_seen(enter: Callable[..., Any], server: 
     page.locator(".sb-card").get_by_role("button", name="Scan", exact=True).click()
     card(page, RX28).get_by_text("torque").wait_for()
     assert page.locator("article[data-key]").count() == 5
+    assert within(lambda: server.ask("GET", "/jobs")[0]["state"] == "done")
     assert re.search(r"\d+\.\d°", card(page, RX28).inner_text())
     page.get_by_label("Filter").fill("drs")
     assert page.locator("article[data-key]").count() == 1
