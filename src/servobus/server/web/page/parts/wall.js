@@ -65,7 +65,7 @@ const Servo = {
         h("span", { class: "sb-status" }, [light(row), state(row), ...row.alarms.map(([words, mend]) => chip(words, "bad", mend))]),
       ]);
     }
-    return h("article", { class: ["sb-card sb-servo", tone(row), marked && "sb-marked"], "data-key": row.key, "aria-label": row.name }, [
+    return h("article", { class: ["sb-card sb-wall-card", tone(row), marked && "sb-marked"], "data-key": row.key, "aria-label": row.name }, [
       h("header", [box, h("div", { class: "sb-two" }, [name, h("small", `${row.model} · id ${row.id}`)]), light(row)]),
       h("div", { class: "sb-body" }, [
         h("div", { class: "sb-face" }, [dial(row.angle, row.goal, row.low, row.high, tone(row)), h("span", { class: "sb-angle sb-value" }, degrees(row.angle))]),
