@@ -128,9 +128,10 @@ with_each_firmware = pytest.mark.parametrize(
 Case = Callable[[World], Any]
 
 MOTION = {
-    "cancel", "has_ended", "move", "move_by", "start_move", "start_move_by", "start_planned", "turn", "wait_arrival",
+    "cancel", "do_in_turn", "has_ended", "move", "move_by", "start_move", "start_move_by", "start_planned", "turn",
+    "wait_arrival",
 }  # fmt: skip
-"""Methods that move a servo by their name, or that are given a move."""
+"""Methods that move a servo by their name, or that are given a move or a turn of the line (`do` has a case)."""
 
 
 def through(open: Callable[[World], Any]) -> Case:
@@ -308,12 +309,12 @@ def attempt(world: World, case: Case) -> None:
 
 # The command line
 
-MOVES = {"move", "step"}
-"""Verbs that move a servo by their name; and `turn`, but for its end."""
+MOVES = {"move", "replay", "step"}
+"""Verbs that move a servo by their name, `replay` virtual ones alone; and `turn`, but for its end."""
 ROBOTS = {"robot", "pose", "teach", "play", "teleop"}
 """Verbs that are given a robot file: tests/unit/cli/test_robot_verbs.py and its neighbours look after them."""
-ALONE = {"ports", "virtual", "demo", "models", "registers", "decode"} | ROBOTS
-"""Verbs that are given no port."""
+ALONE = {"ports", "virtual", "demo", "models", "registers", "decode", "serve"} | ROBOTS
+"""Verbs that are given no port; and `serve`, which asks no servo by itself and runs until it is ended."""
 
 ASKING_LINES: dict[str, list[str]] = {
     "scan": ["--ids 0-3"],

@@ -21,6 +21,8 @@ GRACE = 2.0
 """s after which a servo that should have arrived and has not counts as one that does not arrive."""
 SHORTEST = 0.02
 """Seconds that a move takes at least if its time follows from a speed: one to where it stands still is one too."""
+QUICKEST = 1e-6
+"""s that a move takes at least, whatever is asked: a servo goes as fast as it can then, and its speed is a number."""
 
 LOOK = 0.02
 """s between two looks whether a servo has arrived."""
@@ -172,6 +174,7 @@ def plan(
         time = max(max(distances.values()) / (speed or DEFAULT_SPEED), SHORTEST)
         if speed is None:
             time = min(time, slowed * min(_longest(target) for target in goals))
+    time = max(time, QUICKEST)
     axes = [AxisMove(target, goal, distances[target], time / slowed) for target, goal in raw.items()]
     for axis in axes:
         axis.target.model.family.check_axis(axis)

@@ -150,9 +150,13 @@ def _header(text: str) -> Header:
     if number != str(FORMAT):
         raise UsageError(f"recording format {number!r} is not known here, only {FORMAT}; a newer servobus wrote it?")
     try:
-        return header_of(json.loads(fields))
+        said = json.loads(fields)
+    except ValueError as error:
+        raise UsageError(f"line 1 is no head of a recording: {fields[:60]!r}") from error
+    try:
+        return header_of(said)
     except (ValueError, TypeError) as error:
-        raise UsageError(f"line 1 is no head of a recording: {fields[:60]!r}: {error}") from error
+        raise UsageError(f"line 1 is no head of a recording: {error}") from error
 
 
 def header_of(said: Mapping[str, Any]) -> Header:

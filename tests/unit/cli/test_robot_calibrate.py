@@ -161,7 +161,7 @@ def test_torque_goes_off_after_a_question(run: Run, arm: Path, servos: list[Virt
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("servobus.cli.robots.calibrate._check_there", lambda arm, _: arm["shoulder"].torque_on())
         result = run("robot", "calibrate", "arm.toml", "shoulder", "--script", shown, code=1)
-        assert "hold the arm: shoulder go limp. Go on?" in result.stderr
+        assert "hold the arm: shoulder goes limp. Go on?" in result.stderr
         assert servos[0].torque
         servos.clear()
         Path(shown).write_text("press y\n" + HAND)
@@ -177,7 +177,7 @@ def test_of_a_pair_both_servos_go_limp(run: Run, arm: Path, servos: list[Virtual
             "servobus.cli.robots.calibrate._check_there", lambda arm, _: arm["shoulder"].parts[1].servo.torque_on()
         )
         result = run("robot", "calibrate", "arm.toml", "shoulder", "--script", "hand.txt", code=1)
-    assert "hold the arm: shoulder go limp" in result.stderr
+    assert "hold the arm: shoulder goes limp" in result.stderr
     assert not servos[1].torque
 
 

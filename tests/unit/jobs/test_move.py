@@ -132,3 +132,14 @@ def test_lx_servos_that_were_moved_together_stay_there_when_their_time_is_given_
     bus.move({1: 116 * deg, 2: 123 * deg}).wait()
     port.sleep(1.0)
     assert [servo.shaft.position / deg for servo in port.servos] == pytest.approx([116, 123], abs=0.6)
+
+
+@sample_models
+@pytest.mark.parametrize("time", [5e-324, 1e-300, 1e-9])
+def test_a_time_too_short_to_reckon_with_is_as_fast_as_possible(key: str, time: float) -> None:
+    bus = servobus.open(f"virtual:{key}@1?clock=virtual")
+    (servo,) = bus.scan(ids=[1], family=MODELS[key].family)
+    servo.torque_on()
+    goal = servo.look().position - 20 * deg if servo.look().position > 30 * deg else servo.look().position + 20 * deg
+    servo.move(goal, time=time).wait()
+    assert servo.look().position == pytest.approx(goal, abs=3 * deg)

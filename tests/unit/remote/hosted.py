@@ -51,7 +51,7 @@ class Hosted:
 
     def bus(self, name: str, **how: Any) -> Bus:
         """Open a bus of it."""
-        return Bus(RemotePort(self.address(name)), **how)
+        return Bus(RemotePort(self.address(name), name="a test"), **how)
 
     def async_bus(self, name: str, **how: Any) -> AsyncBus:
         """Open a bus of it for asyncio."""
