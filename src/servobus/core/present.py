@@ -4,6 +4,7 @@ Functions that end in `entry` give what becomes a JSON object, those that end in
 printed here.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from servobus.core.registers import Access, Register
@@ -20,11 +21,7 @@ def json_value(register: Register[Any], raw: int) -> Any:
 
     None for a raw integer that the register cannot hold.
     """
-    try:
-        value = register.decode(raw)
-    except ValueError:
-        return raw if register.holds(raw) else None
-    return decoded_json(register, value)
+    return _shown_as(decoded_json, register, raw)
 
 
 def decoded_json(register: Register[Any], value: Any) -> Any:
@@ -39,11 +36,7 @@ def decoded_json(register: Register[Any], value: Any) -> Any:
 
 def si_value(register: Register[Any], raw: int) -> Any:
     """Give a value for programs, in SI units; else as `json_value`, but a set of flags as a list of names."""
-    try:
-        value = register.decode(raw)
-    except ValueError:
-        return raw if register.holds(raw) else None
-    return decoded_si(register, value)
+    return _shown_as(decoded_si, register, raw)
 
 
 def decoded_si(register: Register[Any], value: Any) -> Any:
@@ -52,6 +45,14 @@ def decoded_si(register: Register[Any], value: Any) -> Any:
     if isinstance(scale, Flags):
         return scale.show(value).split("+") if value else []
     return scale.show(value) if isinstance(scale, Choice) else value
+
+
+def _shown_as(show: Callable[[Register[Any], Any], Any], register: Register[Any], raw: int) -> Any:
+    try:
+        value = register.decode(raw)
+    except ValueError:
+        return raw if register.holds(raw) else None
+    return show(register, value)
 
 
 def si_entry(register: Register[Any], raw: int) -> dict[str, Any]:

@@ -128,3 +128,8 @@ def differences(one: type[Model], other: type[Model]) -> list[tuple[str, str, st
         mine, others = aspects(here), aspects(there)
         found += [(name, what, mine[what] or "-", others[what] or "-") for what in mine if mine[what] != others[what]]
     return found
+
+
+def servo_key(family: Family, id: int, baud: int) -> str:
+    """Give what a servo is called where several share its bus: "dynamixel:1@57600" tells it from all others there."""
+    return f"{family.name}:{id}@{baud}"

@@ -13,6 +13,7 @@ from servobus.core.values import replace
 from servobus.errors import BadValue, UnknownName
 from servobus.families import registry
 from servobus.families.base import Family, Model
+from servobus.families.present import servo_key
 from servobus.server.ports.blackbox import BlackBox
 from servobus.server.ports.leases import StopLatch
 from servobus.server.ports.telemetry import Deliver, Telemetry
@@ -25,7 +26,7 @@ T = TypeVar("T")
 
 def key_of(servo: Servo) -> str:
     """Give what a servo is called in messages: its family, id and speed, as "dynamixel:1@57600"."""
-    return f"{servo.family.name}:{servo.id}@{servo.baud}"
+    return servo_key(servo.family, servo.id, servo.baud)
 
 
 def parse_key(key: str) -> tuple[Family, int, int]:

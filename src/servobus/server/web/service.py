@@ -17,7 +17,7 @@ from servobus.bus.blocking import Bus
 from servobus.core.ids import LAST_ID, check_ids
 from servobus.errors import ServobusError, StopFailed, UnknownName, UsageError
 from servobus.families import registry
-from servobus.families.present import model_entry, servo_entry
+from servobus.families.present import model_entry, servo_entry, servo_key
 from servobus.jobs.scan import ScanProgress
 from servobus.remote.managing import Happened
 from servobus.server.web.audit import Audit
@@ -214,7 +214,7 @@ class Service:
                     found = progress.found
                     entry = servo_entry(found.family, found.model, found.id, found.baud, found.identity.firmware)
                     state = None if found.state is None else snapshot_entry(found.state)
-                    job.found.append({"key": f"{found.family.name}:{found.id}@{found.baud}", **entry, "state": state})
+                    job.found.append({"key": servo_key(found.family, found.id, found.baud), **entry, "state": state})
 
             for family in asked:
                 servos = await served.bus.scan(family=family, bauds=speeds[family.name], ids=wanted, watch=watch)

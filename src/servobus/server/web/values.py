@@ -8,6 +8,7 @@ from servobus.core.registers import Register
 from servobus.core.units import Flags, Switch
 from servobus.core.values import frozen
 from servobus.errors import BadReading, BadValue, UnknownName, UsageError
+from servobus.families.present import servo_key
 
 MOST_TEXT = 200
 """Characters of a value that is given as a text."""
@@ -32,7 +33,7 @@ class Content:
 
 def key_of(servo: AsyncBusServo) -> str:
     """Give the key of a servo: its family, id and speed tell it from all others on its bus."""
-    return f"{servo.family.name}:{servo.id}@{servo.baud}"
+    return servo_key(servo.family, servo.id, servo.baud)
 
 
 def servo_of(bus: AsyncBus, key: str) -> AsyncBusServo:
